@@ -11,4 +11,5 @@
 pub mod camera;
 pub mod config;
 pub mod error;
+pub mod gpu;
 pub mod scene;

@@ -1,0 +1,52 @@
+// Sums the losses' partials in a fixed order, in two dispatches: each workgroup a block, then one
+// workgroup the blocks.
+#import shared/loss
+
+@group(0) @binding(0) var<uniform> loss: Loss;
+@group(0) @binding(1) var<storage, read> partials: array<vec2f>;
+@group(0) @binding(2) var<storage, read_write> block_partials: array<vec2f>;
+// Per loss of the step: mean L1, mean SSIM.
+@group(0) @binding(3) var<storage, read_write> losses: array<vec2f>;
+
+const BLOCK = SCAN_CHUNK * WORKGROUP;
+
+var<workgroup> sums: array<vec2f, WORKGROUP>;
+
+fn workgroup_sum(local: u32, mine: vec2f) -> vec2f {
+    sums[local] = mine;
+    workgroupBarrier();
+    var sum = vec2f(0.0);
+    if (local == 0u) {
+        for (var i = 0u; i < WORKGROUP; i++) {
+            sum += sums[i];
+        }
+    }
+    return sum;
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn loss_blocks(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
+    let first = group.x * BLOCK + local * SCAN_CHUNK;
+    var mine = vec2f(0.0);
+    for (var i = first; i < min(first + SCAN_CHUNK, loss.n_partials); i++) {
+        mine += partials[i];
+    }
+    let sum = workgroup_sum(local, mine);
+    if (local == 0u) {
+        block_partials[group.x] = sum;
+    }
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn loss_total(@builtin(local_invocation_index) local: u32) {
+    let n_blocks = (loss.n_partials + BLOCK - 1u) / BLOCK;
+    let chunk = (n_blocks + WORKGROUP - 1u) / WORKGROUP;
+    var mine = vec2f(0.0);
+    for (var i = local * chunk; i < min((local + 1u) * chunk, n_blocks); i++) {
+        mine += block_partials[i];
+    }
+    let sum = workgroup_sum(local, mine);
+    if (local == 0u) {
+        losses[loss.slot] = loss.mean_scale * sum.yx;
+    }
+}

@@ -1,0 +1,149 @@
+// Gradient of the projection: one thread a Gaussian. Sums the Gaussian's pairs in their fixed
+// order and carries the sums through covariance, projection, SH direction and quaternion
+// normalisation to the stored parameters. The step's first view writes, its second adds.
+#import shared/view
+#import shared/gaussian
+#import shared/sh
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<storage, read> geometry: array<vec4f>;
+@group(0) @binding(2) var<storage, read> sh_0: array<vec4f>;
+@group(0) @binding(3) var<storage, read> sh_2: array<vec4f>;
+@group(0) @binding(4) var<storage, read> sh_3: array<vec4f>;
+@group(0) @binding(5) var<storage, read> splats: array<vec4f>;
+// Per Gaussian: its first pair.
+@group(0) @binding(6) var<storage, read> splat_pairs: array<u32>;
+@group(0) @binding(7) var<storage, read> d_pair_a: array<vec4f>;
+@group(0) @binding(8) var<storage, read> d_pair_b: array<vec4f>;
+@group(0) @binding(9) var<storage, read> d_pair_c: array<f32>;
+// Planes as `geometry`.
+@group(0) @binding(10) var<storage, read_write> d_geometry: array<vec4f>;
+// One plane a view of the step: xyz d_color (0 where the colour is clamped at 0).
+@group(0) @binding(11) var<storage, read_write> d_color: array<vec4f>;
+// Of the step's first view: |d_mean2d| in normalised device coordinates, radius as a share of the
+// longer image side (0: not drawn).
+@group(0) @binding(12) var<storage, read_write> screen: array<vec2f>;
+@group(0) @binding(13) var<storage, read> totals: array<u32>;
+
+#import shared/sh_read
+
+const TWO_LN_2 = 1.3862943611198906;
+
+@compute @workgroup_size(WORKGROUP)
+fn project_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let id = (group.y * groups.x + group.x) * WORKGROUP + local;
+    let n = view.counts.x;
+    if (id >= n || totals[TOTAL_OVERFLOW] != 0u) {
+        return;
+    }
+    let stride = view.counts.y;
+    let slot = view.planes.z;
+    let first = splat_pairs[id];
+    var end = totals[TOTAL_PAIRS];
+    if (id + 1u < n) {
+        end = splat_pairs[id + 1u];
+    }
+    if (first == end) {
+        if (slot == 0u) {
+            d_geometry[id] = vec4f(0.0);
+            d_geometry[stride + id] = vec4f(0.0);
+            d_geometry[2u * stride + id] = vec4f(0.0);
+            screen[id] = vec2f(0.0);
+        }
+        d_color[slot * stride + id] = vec4f(0.0);
+        return;
+    }
+    var a = vec4f(0.0);
+    var b = vec4f(0.0);
+    var c = 0.0;
+    for (var pair = first; pair < end; pair++) {
+        a += d_pair_a[pair];
+        b += d_pair_b[pair];
+        c += d_pair_c[pair];
+    }
+
+    let g0 = geometry[id];
+    let g1 = geometry[stride + id];
+    let g2 = geometry[2u * stride + id];
+    let g = Gaussian(g0.xyz, g0.w, g1.xyz, g2);
+    let s0 = splats[id];
+    let s1 = splats[stride + id];
+    let color = splats[2u * stride + id].xyz;
+    let o = project_gaussian(view, g);
+    let l_xx = s0.z;
+    let l_xy = s0.w;
+    let l_yy = s1.x;
+
+    // n = cov2d^-1 d: d_mean2d = sum v n, dL/dcov2d = sum v n n^T / 2, in the moments of t.
+    let d_mean2d = TWO_LN_2 * vec2f(l_xx * a.y, l_xy * a.y + l_yy * a.z);
+    let k = TWO_LN_2 * TWO_LN_2;
+    // 2 dL/dcov2d.
+    let c_xx = k * l_xx * l_xx * a.w;
+    let c_xy = k * l_xx * (l_xy * a.w + l_yy * b.x);
+    let c_yy = k * (l_xy * (l_xy * a.w + 2.0 * l_yy * b.x) + l_yy * l_yy * b.y);
+    let d_m_x = c_xx * o.m_x + c_xy * o.m_y;
+    let d_m_y = c_xy * o.m_x + c_yy * o.m_y;
+    let d_scale_log = d_m_x * o.m_x + d_m_y * o.m_y;
+    let s_x = d_m_x * o.scale;
+    let s_y = d_m_y * o.scale;
+
+    let d_t_x = o.rotation * s_x;
+    let d_t_y = o.rotation * s_y;
+    let inv_z = 1.0 / o.p.z;
+    let focal_z = view.intrinsics.xy * inv_z;
+    // Through x/z and y/z of the Jacobian (zero where bounded) and of the mean.
+    let d_bounded = -focal_z * vec2f(dot(d_t_x, view.w2c_z.xyz), dot(d_t_y, view.w2c_z.xyz));
+    let unbounded = o.ratio == o.ratio_bounded;
+    let d_ratio = select(vec2f(0.0), d_bounded, unbounded) + view.intrinsics.xy * d_mean2d;
+    let d_p = vec3f(
+        d_ratio * inv_z,
+        -inv_z * (dot(d_ratio, o.ratio) + dot(d_t_x, o.t_x) + dot(d_t_y, o.t_y)),
+    );
+    var d_mean = d_p.x * view.w2c_x.xyz + d_p.y * view.w2c_y.xyz + d_p.z * view.w2c_z.xyz;
+
+    let d_c = select(vec3f(0.0), vec3f(b.zw, c), color > vec3f(0.0));
+    let degree = view.counts.z;
+    if (degree > 0u) {
+        let offset = g.mean - view.center_near.xyz;
+        let distance = length(offset);
+        let direction = offset / distance;
+        let d_direction = sh_direction_gradient(sh_rest(id, stride, degree), direction, degree, d_c);
+        d_mean += (d_direction - direction * dot(direction, d_direction)) / distance;
+    }
+
+    // dL/drotation, column by column, then to the quaternion.
+    let r_0 = s_x.x * o.t_x + s_y.x * o.t_y;
+    let r_1 = s_x.y * o.t_x + s_y.y * o.t_y;
+    let r_2 = s_x.z * o.t_x + s_y.z * o.t_y;
+    let norm = length(g.rotation_wxyz);
+    let q = g.rotation_wxyz / norm;
+    let d_q = 2.0 * vec4f(
+        q.y * (r_1.z - r_2.y) + q.z * (r_2.x - r_0.z) + q.w * (r_0.y - r_1.x),
+        q.x * (r_1.z - r_2.y) - 2.0 * q.y * (r_1.y + r_2.z) + q.z * (r_0.y + r_1.x) + q.w * (r_0.z + r_2.x),
+        q.x * (r_2.x - r_0.z) + q.y * (r_0.y + r_1.x) - 2.0 * q.z * (r_0.x + r_2.z) + q.w * (r_1.z + r_2.y),
+        q.x * (r_0.y - r_1.x) + q.y * (r_0.z + r_2.x) + q.z * (r_1.z + r_2.y) - 2.0 * q.w * (r_0.x + r_1.y),
+    );
+    let d_rotation = (d_q - q * dot(q, d_q)) / norm;
+    let d_opacity_logit = a.x * (1.0 - s1.y);
+
+    var d_0 = vec4f(d_mean, d_opacity_logit);
+    var d_1 = vec4f(d_scale_log, 0.0);
+    var d_2 = d_rotation;
+    if (slot == 0u) {
+        let half_size = 0.5 * vec2f(view.size.xy);
+        let cov_xx = dot(o.m_x, o.m_x) + DILATION;
+        let cov_yy = dot(o.m_y, o.m_y) + DILATION;
+        let cov_xy = dot(o.m_x, o.m_y);
+        let largest = 0.5 * (cov_xx + cov_yy + length(vec2f(cov_xx - cov_yy, 2.0 * cov_xy)));
+        let radius = 3.0 * sqrt(largest) / f32(max(view.size.x, view.size.y));
+        screen[id] = vec2f(length(d_mean2d * half_size), radius);
+    } else {
+        d_0 += d_geometry[id];
+        d_1 += d_geometry[stride + id];
+        d_2 += d_geometry[2u * stride + id];
+    }
+    d_geometry[id] = d_0;
+    d_geometry[stride + id] = d_1;
+    d_geometry[2u * stride + id] = d_2;
+    d_color[slot * stride + id] = vec4f(d_c, 0.0);
+}

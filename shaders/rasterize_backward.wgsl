@@ -1,0 +1,114 @@
+// Gradient of the compositing: one thread a tile, back to front, so that the transmittance before
+// a splat follows from that behind it by one division.
+//
+// With v = dL/dalpha alpha, the gradient of a splat's exponent summed over pixels, a pair gets
+// nine sums: v, v t_x, v t_y, v t_x^2, v t_x t_y, v t_y^2 and d_color. Moments of t (|t| < 3)
+// keep the gradient of position and covariance well conditioned for any elongation; the chain to
+// them follows once per Gaussian.
+#import shared/view
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<storage, read> splats: array<vec4f>;
+@group(0) @binding(2) var<storage, read> tile_cursor: array<u32>;
+@group(0) @binding(3) var<storage, read> pair_keys: array<vec2u>;
+@group(0) @binding(4) var<storage, read> rendered: array<vec4f>;
+@group(0) @binding(5) var<storage, read> last_blended: array<vec4u>;
+// Planes d_r, d_g, d_b, d_alpha: gradient of the loss with respect to the render.
+@group(0) @binding(6) var<storage, read> d_rendered: array<vec4f>;
+// Per pair: (v, v t_x, v t_y, v t_x^2), (v t_x t_y, v t_y^2, d_r, d_g), d_b.
+@group(0) @binding(7) var<storage, read_write> d_pair_a: array<vec4f>;
+@group(0) @binding(8) var<storage, read_write> d_pair_b: array<vec4f>;
+@group(0) @binding(9) var<storage, read_write> d_pair_c: array<f32>;
+@group(0) @binding(10) var<storage, read> totals: array<u32>;
+
+#import shared/tile
+
+fn sum4(v: vec4f) -> f32 {
+    return (v.x + v.y) + (v.z + v.w);
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn rasterize_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let tile = (group.y * groups.x + group.x) * WORKGROUP + local;
+    if (tile >= view.size.z * view.size.w || totals[TOTAL_OVERFLOW] != 0u) {
+        return;
+    }
+    let stride = view.counts.y;
+    let x4 = tile % view.size.z;
+    let y = (tile / view.size.z) * TILE_H;
+    let px = vec4f(0.5, 1.5, 2.5, 3.5) + f32(4u * x4);
+    let py = f32(y) + 0.5;
+    var d_red: array<vec4f, TILE_H>;
+    var d_green: array<vec4f, TILE_H>;
+    var d_blue: array<vec4f, TILE_H>;
+    var transmittance: array<vec4f, TILE_H>;
+    // dot(d_color, colour behind), all splats behind and the background included.
+    var behind: array<vec4f, TILE_H>;
+    var last: array<vec4u, TILE_H>;
+    var n_blended = 0u;
+    for (var r = 0u; r < TILE_H; r++) {
+        d_red[r] = d_rendered[plane_index(view, 0u, x4, y + r)];
+        d_green[r] = d_rendered[plane_index(view, 1u, x4, y + r)];
+        d_blue[r] = d_rendered[plane_index(view, 2u, x4, y + r)];
+        let d_alpha = d_rendered[plane_index(view, 3u, x4, y + r)];
+        let t = rendered[plane_index(view, 3u, x4, y + r)];
+        let background = d_red[r] * view.background.x + d_green[r] * view.background.y + d_blue[r] * view.background.z;
+        transmittance[r] = t;
+        behind[r] = t * (background - d_alpha);
+        last[r] = last_blended[plane_index(view, 0u, x4, y + r)];
+        n_blended = max(n_blended, max(max(last[r].x, last[r].y), max(last[r].z, last[r].w)));
+    }
+
+    let range = tile_range(tile);
+    for (var i = range.x + n_blended; i < range.y; i++) {
+        let pair = pair_keys[i].y;
+        d_pair_a[pair] = vec4f(0.0);
+        d_pair_b[pair] = vec4f(0.0);
+        d_pair_c[pair] = 0.0;
+    }
+    for (var number = n_blended; number > 0u; number--) {
+        let key = pair_keys[range.x + number - 1u];
+        let s0 = splats[key.x];
+        let s1 = splats[stride + key.x];
+        let color = splats[2u * stride + key.x];
+        let dx = px - s0.x;
+        var sum_v = vec4f(0.0);
+        var sum_x = vec4f(0.0);
+        var sum_y = vec4f(0.0);
+        var sum_xx = vec4f(0.0);
+        var sum_xy = vec4f(0.0);
+        var sum_yy = vec4f(0.0);
+        var sum_r = vec4f(0.0);
+        var sum_g = vec4f(0.0);
+        var sum_b = vec4f(0.0);
+        for (var r = 0u; r < TILE_H; r++) {
+            let dy = py + f32(r) - s0.y;
+            let t_y = s1.x * dy;
+            let t_x = s0.z * dx + s0.w * dy;
+            let raw = s1.y * exp2_negative(-(t_x * t_x + t_y * t_y));
+            let alpha = min(vec4f(ALPHA_MAX), raw);
+            let blended = (alpha >= vec4f(ALPHA_MIN)) & (vec4u(number) <= last[r]);
+            let inverse = 1.0 / (1.0 - alpha);
+            let before = select(transmittance[r], transmittance[r] * inverse, blended);
+            let weight = select(vec4f(0.0), alpha * before, blended);
+            let shade = d_red[r] * color.x + d_green[r] * color.y + d_blue[r] * color.z;
+            let d_alpha = before * shade - behind[r] * inverse;
+            let v = select(vec4f(0.0), d_alpha * alpha, blended & (raw < vec4f(ALPHA_MAX)));
+            transmittance[r] = before;
+            behind[r] += weight * shade;
+            let v_x = v * t_x;
+            sum_v += v;
+            sum_x += v_x;
+            sum_y += v * t_y;
+            sum_xx += v_x * t_x;
+            sum_xy += v_x * t_y;
+            sum_yy += v * (t_y * t_y);
+            sum_r += weight * d_red[r];
+            sum_g += weight * d_green[r];
+            sum_b += weight * d_blue[r];
+        }
+        d_pair_a[key.y] = vec4f(sum4(sum_v), sum4(sum_x), sum4(sum_y), sum4(sum_xx));
+        d_pair_b[key.y] = vec4f(sum4(sum_xy), sum4(sum_yy), sum4(sum_r), sum4(sum_g));
+        d_pair_c[key.y] = sum4(sum_b);
+    }
+}

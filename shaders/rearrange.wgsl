@@ -1,0 +1,47 @@
+// Applies a densification plan to one block of planes (parameters or Adam moments): Gaussian i of
+// the new set is Gaussian `sources[i]` of the old one, changed as `changes[i]` says.
+struct Rearrange {
+    n: u32,
+    old_stride: u32,
+    new_stride: u32,
+    n_planes: u32,
+    // GEOMETRY, SH or MOMENTS.
+    kind: u32,
+    pad_0: u32,
+    pad_1: u32,
+    pad_2: u32,
+}
+
+const GEOMETRY = 0u;
+const MOMENTS = 2u;
+
+@group(0) @binding(0) var<uniform> rearrange: Rearrange;
+@group(0) @binding(1) var<storage, read> old_planes: array<vec4f>;
+@group(0) @binding(2) var<storage, read_write> new_planes: array<vec4f>;
+// Index of the source; the top bit marks a Gaussian that is new and starts without moments.
+@group(0) @binding(3) var<storage, read> sources: array<u32>;
+// xyz: added to the mean, w: added to the log scales.
+@group(0) @binding(4) var<storage, read> changes: array<vec4f>;
+
+@compute @workgroup_size(WORKGROUP)
+fn rearrange_planes(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let id = (group.y * groups.x + group.x) * WORKGROUP + local;
+    if (id >= rearrange.n) {
+        return;
+    }
+    let source = sources[id] & 0x7fffffffu;
+    let is_new = sources[id] >= 0x80000000u;
+    for (var plane = 0u; plane < rearrange.n_planes; plane++) {
+        var value = old_planes[plane * rearrange.old_stride + source];
+        if (rearrange.kind == GEOMETRY && plane == 0u) {
+            value += vec4f(changes[id].xyz, 0.0);
+        }
+        if (rearrange.kind == GEOMETRY && plane == 1u) {
+            value += vec4f(vec3f(changes[id].w), 0.0);
+        }
+        if (rearrange.kind == MOMENTS && is_new) {
+            value = vec4f(0.0);
+        }
+        new_planes[plane * rearrange.new_stride + id] = value;
+    }
+}

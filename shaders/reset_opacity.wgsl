@@ -1,0 +1,17 @@
+// 3DGS's opacity reset: opacities fall to a ceiling and their Adam moments to zero.
+@group(0) @binding(0) var<uniform> ceiling: vec4f; // x: largest logit that stays
+@group(0) @binding(1) var<uniform> counts: vec4u; // x: number of Gaussians
+@group(0) @binding(2) var<storage, read_write> geometry: array<vec4f>;
+@group(0) @binding(3) var<storage, read_write> first_moment: array<vec4f>;
+@group(0) @binding(4) var<storage, read_write> second_moment: array<vec4f>;
+
+@compute @workgroup_size(WORKGROUP)
+fn reset_opacity(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let id = (group.y * groups.x + group.x) * WORKGROUP + local;
+    if (id >= counts.x) {
+        return;
+    }
+    geometry[id].w = min(geometry[id].w, ceiling.x);
+    first_moment[id].w = 0.0;
+    second_moment[id].w = 0.0;
+}

@@ -1,0 +1,106 @@
+// Exclusive prefix sum of counts in place, in three dispatches: sums of blocks, scan of the sums
+// by one workgroup, then the blocks. Additions saturate, so that a total beyond 2^32 is seen as
+// too large instead of wrapping.
+struct Scan {
+    // Number of counts; index in `totals` of their sum; capacity that the sum is held against
+    // (0: none); the step's number, stored on overflow.
+    n: u32,
+    total: u32,
+    capacity: u32,
+    step: u32,
+}
+
+const BLOCK = SCAN_CHUNK * WORKGROUP;
+
+@group(0) @binding(0) var<uniform> scan: Scan;
+@group(0) @binding(1) var<storage, read_write> counts: array<u32>;
+@group(0) @binding(2) var<storage, read_write> block_sums: array<u32>;
+@group(0) @binding(3) var<storage, read_write> totals: array<u32>;
+
+var<workgroup> sums: array<u32, WORKGROUP>;
+
+fn saturating_add(a: u32, b: u32) -> u32 {
+    let s = a + b;
+    return select(s, 0xffffffffu, s < a);
+}
+
+fn chunk_sum(first: u32) -> u32 {
+    var sum = 0u;
+    for (var i = first; i < min(first + SCAN_CHUNK, scan.n); i++) {
+        sum = saturating_add(sum, counts[i]);
+    }
+    return sum;
+}
+
+// Exclusive sums over the workgroup in `sums`; returns the total.
+fn scan_workgroup(local: u32) -> u32 {
+    workgroupBarrier();
+    if (local == 0u) {
+        var sum = 0u;
+        for (var i = 0u; i < WORKGROUP; i++) {
+            let s = sums[i];
+            sums[i] = sum;
+            sum = saturating_add(sum, s);
+        }
+        block_total = sum;
+    }
+    workgroupBarrier();
+    return block_total;
+}
+
+var<workgroup> block_total: u32;
+
+@compute @workgroup_size(WORKGROUP)
+fn scan_reduce(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let block = group.y * groups.x + group.x;
+    sums[local] = chunk_sum(block * BLOCK + local * SCAN_CHUNK);
+    let total = scan_workgroup(local);
+    if (local == 0u && block * BLOCK < scan.n) {
+        block_sums[block] = total;
+    }
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn scan_blocks(@builtin(local_invocation_index) local: u32) {
+    let n_blocks = (scan.n + BLOCK - 1u) / BLOCK;
+    let chunk = (n_blocks + WORKGROUP - 1u) / WORKGROUP;
+    let first = local * chunk;
+    var sum = 0u;
+    for (var i = first; i < min(first + chunk, n_blocks); i++) {
+        sum = saturating_add(sum, block_sums[i]);
+    }
+    sums[local] = sum;
+    let total = scan_workgroup(local);
+    sum = sums[local];
+    for (var i = first; i < min(first + chunk, n_blocks); i++) {
+        let s = block_sums[i];
+        block_sums[i] = sum;
+        sum = saturating_add(sum, s);
+    }
+    if (local == 0u) {
+        totals[scan.total] = total;
+        totals[TOTAL_MAX] = max(totals[TOTAL_MAX], total);
+        if (scan.capacity != 0u && total > scan.capacity && totals[TOTAL_OVERFLOW] == 0u) {
+            // Sticky: every later stage of this and of the following steps does nothing until the
+            // host has made room and cleared it.
+            totals[TOTAL_OVERFLOW] = scan.step;
+        }
+    }
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn scan_spread(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let block = group.y * groups.x + group.x;
+    let first = block * BLOCK + local * SCAN_CHUNK;
+    sums[local] = chunk_sum(first);
+    scan_workgroup(local);
+    if (block * BLOCK >= scan.n) {
+        return;
+    }
+    var sum = saturating_add(block_sums[block], sums[local]);
+    for (var i = first; i < min(first + SCAN_CHUNK, scan.n); i++) {
+        let c = counts[i];
+        counts[i] = sum;
+        sum = saturating_add(sum, c);
+    }
+}

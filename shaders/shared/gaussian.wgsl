@@ -1,0 +1,63 @@
+// A Gaussian's geometry: three vec4f planes of `stride` entries each:
+//   0: mean.xyz, opacity_logit   1: scale_log.xyz, 0   2: rotation_wxyz (not normalised)
+struct Gaussian {
+    mean: vec3f,
+    opacity_logit: f32,
+    scale_log: vec3f,
+    rotation_wxyz: vec4f,
+}
+
+fn is_finite(x: f32) -> bool {
+    // A comparison could be folded away where the compiler assumes that no NaN occurs.
+    return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u;
+}
+
+fn sigmoid(x: f32) -> f32 {
+    return 1.0 / (1.0 + exp(-x));
+}
+
+// Columns of the rotation of a unit quaternion (w, x, y, z).
+fn rotation_matrix(q: vec4f) -> mat3x3f {
+    let w = q.x;
+    let x = q.y;
+    let y = q.z;
+    let z = q.w;
+    return mat3x3f(
+        vec3f(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)),
+        vec3f(2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)),
+        vec3f(2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)),
+    );
+}
+
+// What projection and its backward share: the Gaussian in the camera and M = J W R S (2x3), with
+// cov2d = M M^T + DILATION I.
+struct Projection {
+    p: vec3f,
+    // x/z and y/z, and the same after the bounds of the Jacobian.
+    ratio: vec2f,
+    ratio_bounded: vec2f,
+    rotation: mat3x3f,
+    scale: vec3f,
+    // Rows of J W.
+    t_x: vec3f,
+    t_y: vec3f,
+    // Rows of M.
+    m_x: vec3f,
+    m_y: vec3f,
+}
+
+fn project_gaussian(view: View, g: Gaussian) -> Projection {
+    var o: Projection;
+    let mean = vec4f(g.mean, 1.0);
+    o.p = vec3f(dot(view.w2c_x, mean), dot(view.w2c_y, mean), dot(view.w2c_z, mean));
+    o.ratio = o.p.xy / o.p.z;
+    o.ratio_bounded = clamp(o.ratio, view.ratio_bounds.xz, view.ratio_bounds.yw);
+    let focal_z = view.intrinsics.xy / o.p.z;
+    o.t_x = focal_z.x * (view.w2c_x.xyz - o.ratio_bounded.x * view.w2c_z.xyz);
+    o.t_y = focal_z.y * (view.w2c_y.xyz - o.ratio_bounded.y * view.w2c_z.xyz);
+    o.rotation = rotation_matrix(g.rotation_wxyz / length(g.rotation_wxyz));
+    o.scale = exp(g.scale_log);
+    o.m_x = (o.t_x * o.rotation) * o.scale;
+    o.m_y = (o.t_y * o.rotation) * o.scale;
+    return o;
+}

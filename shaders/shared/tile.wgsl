@@ -1,0 +1,27 @@
+// What the forward and backward rasterizer share. One thread owns a tile of 4 x TILE_H pixels and
+// keeps its rows as vec4f: no thread ever needs another's result, so there is no barrier, no
+// workgroup memory and no reduction across threads, and the order of every sum is fixed.
+fn tile_range(tile: u32) -> vec2u {
+    var start = 0u;
+    if (tile > 0u) {
+        start = tile_cursor[tile - 1u];
+    }
+    return vec2u(start, tile_cursor[tile]);
+}
+
+// 2^x for x <= 0 to about 1 ulp, on every driver: drivers may return 2^x with an error that
+// a gradient of 1e-5 would see.
+fn exp2_negative(x: vec4f) -> vec4f {
+    let y = max(x, vec4f(-126.0));
+    let n = floor(y);
+    let f = y - n;
+    // Minimax polynomial of 2^f on [0, 1).
+    var p = vec4f(EXP2_C6);
+    p = p * f + EXP2_C5;
+    p = p * f + EXP2_C4;
+    p = p * f + EXP2_C3;
+    p = p * f + EXP2_C2;
+    p = p * f + EXP2_C1;
+    p = p * f + 1.0;
+    return bitcast<vec4f>(bitcast<vec4i>(p) + (vec4i(n) << vec4u(23u)));
+}

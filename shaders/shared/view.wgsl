@@ -1,0 +1,28 @@
+// One rendered view: camera in the canonical frame, image and buffer sizes. 160 bytes.
+struct View {
+    // Rows of world-to-camera [R | t].
+    w2c_x: vec4f,
+    w2c_y: vec4f,
+    w2c_z: vec4f,
+    // xyz: optical centre; w: near plane.
+    center_near: vec4f,
+    // fx, fy, cx, cy in pixels.
+    intrinsics: vec4f,
+    // Bounds of x/z (xy) and y/z (zw) in the projection's Jacobian.
+    ratio_bounds: vec4f,
+    // xyz: colour behind the last Gaussian.
+    background: vec4f,
+    // Image width and height in pixels, tiles across and down.
+    size: vec4u,
+    // Number of Gaussians, their stride in planar buffers, active SH degree, pair capacity.
+    counts: vec4u,
+    // x: pixels a plane of the padded image / 4, y: vec4s a row, z: this view's slot in the step,
+    // w: the step's number, kept where the pairs do not fit.
+    planes: vec4u,
+}
+
+// Colour, transmittance and gradients of four pixels side by side are one vec4f, so an image
+// plane is an array<vec4f> of rows padded to whole tiles.
+fn plane_index(view: View, plane: u32, x4: u32, y: u32) -> u32 {
+    return plane * view.planes.x + y * view.planes.y + x4;
+}

@@ -1,0 +1,258 @@
+// The image loss (1 - w) L1 + w (1 - SSIM) and its gradient, in four dispatches: horizontal
+// moments, vertical moments with SSIM's derivatives, and the two passes back.
+//
+// SSIM is 3DGS's: 11x11 Gaussian window (sigma 1.5), per channel, zero outside the image. Under a
+// mask the window is normalised by its valid weight and the mean goes over valid pixels, so pixels
+// outside the mask never matter.
+#import shared/view
+#import shared/loss
+
+const N_MOMENTS = 5u;
+const NORM_PLANE = 15u;
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<uniform> loss: Loss;
+@group(0) @binding(2) var<storage, read> rendered: array<vec4f>;
+// RGBA8, unpadded rows; alpha 255 where the pixel is valid.
+@group(0) @binding(3) var<storage, read> goal: array<u32>;
+// Planes 5c..5c+4: horizontal moments x, y, xx, yy, xy of channel c; 15: window weight. Later
+// planes 3c..3c+2: horizontal sums of the derivatives.
+@group(0) @binding(4) var<storage, read_write> moments: array<vec4f>;
+// Planes 3c..3c+2: derivative of the loss to the moments x, xx, xy of channel c.
+@group(0) @binding(5) var<storage, read_write> derivatives: array<vec4f>;
+@group(0) @binding(6) var<storage, read_write> d_rendered: array<vec4f>;
+// Per thread of the vertical passes: sum of SSIM, sum of |x - y|.
+@group(0) @binding(7) var<storage, read_write> partials: array<vec2f>;
+
+struct Strip {
+    // 20 pixels of a row: from 8 before the thread's four to 8 after.
+    v: array<vec4f, 5>,
+}
+
+// v[8 + lane + offset - 5] for the four lanes.
+fn window_row(s: Strip, k: u32) -> vec4f {
+    switch (k) {
+        case 0u: { return vec4f(s.v[0].w, s.v[1].xyz); }
+        case 1u: { return s.v[1]; }
+        case 2u: { return vec4f(s.v[1].yzw, s.v[2].x); }
+        case 3u: { return vec4f(s.v[1].zw, s.v[2].xy); }
+        case 4u: { return vec4f(s.v[1].w, s.v[2].xyz); }
+        case 5u: { return s.v[2]; }
+        case 6u: { return vec4f(s.v[2].yzw, s.v[3].x); }
+        case 7u: { return vec4f(s.v[2].zw, s.v[3].xy); }
+        case 8u: { return vec4f(s.v[2].w, s.v[3].xyz); }
+        case 9u: { return s.v[3]; }
+        default: { return vec4f(s.v[3].yzw, s.v[4].x); }
+    }
+}
+
+fn convolve(s: Strip) -> vec4f {
+    var sum = vec4f(0.0);
+    for (var k = 0u; k < 11u; k++) {
+        sum += WINDOW[k] * window_row(s, k);
+    }
+    return sum;
+}
+
+fn texel(x: i32, y: u32) -> u32 {
+    if (x < 0 || x >= i32(view.size.x)) {
+        return 0u;
+    }
+    return goal[y * view.size.x + u32(x)];
+}
+
+fn texels(x4: i32, y: u32) -> vec4u {
+    return vec4u(texel(4 * x4, y), texel(4 * x4 + 1, y), texel(4 * x4 + 2, y), texel(4 * x4 + 3, y));
+}
+
+fn channel_of(texels: vec4u, channel: u32) -> vec4f {
+    return vec4f((texels >> vec4u(8u * channel)) & vec4u(255u)) / 255.0;
+}
+
+// 1 where the pixel counts: inside the image and, with a mask, valid.
+fn validity(texels: vec4u, x4: i32) -> vec4f {
+    let x = vec4i(4 * x4) + vec4i(0, 1, 2, 3);
+    let inside = (x >= vec4i(0)) & (x < vec4i(i32(view.size.x)));
+    let valid = (texels >= vec4u(0xff000000u)) | vec4<bool>(loss.masked == 0u);
+    return select(vec4f(0.0), vec4f(1.0), inside & valid);
+}
+
+struct Place {
+    x4: u32,
+    y: u32,
+    channel: u32,
+    inside: bool,
+}
+
+// One thread four pixels of `rows` rows (and a channel).
+fn place(group: vec3u, groups: vec3u, local: u32, rows: u32, channels: u32) -> Place {
+    let index = (group.y * groups.x + group.x) * WORKGROUP + local;
+    // All rows of the padded image, so that its padding carries no gradient.
+    let n_rows = view.planes.x / (view.planes.y * rows);
+    let per_channel = view.planes.y * n_rows;
+    let channel = index / per_channel;
+    let rest = index % per_channel;
+    return Place(rest % view.planes.y, (rest / view.planes.y) * rows, channel, channel < channels);
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn ssim_horizontal(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let at = place(group, groups, local, 1u, 1u);
+    if (!at.inside || at.y >= view.size.y) {
+        return;
+    }
+    var valid: Strip;
+    var raw: array<vec4u, 5>;
+    for (var b = 0u; b < 5u; b++) {
+        let x4 = i32(at.x4 + b) - 2;
+        raw[b] = texels(x4, at.y);
+        valid.v[b] = validity(raw[b], x4);
+    }
+    if (loss.masked != 0u) {
+        moments[plane_index(view, NORM_PLANE, at.x4, at.y)] = convolve(valid);
+    }
+    for (var channel = 0u; channel < 3u; channel++) {
+        var x: Strip;
+        var y: Strip;
+        for (var b = 0u; b < 5u; b++) {
+            let x4 = clamp(i32(at.x4 + b) - 2, 0, i32(view.planes.y) - 1);
+            x.v[b] = valid.v[b] * rendered[plane_index(view, channel, u32(x4), at.y)];
+            y.v[b] = valid.v[b] * channel_of(raw[b], channel);
+        }
+        let plane = N_MOMENTS * channel;
+        var m_x = vec4f(0.0);
+        var m_y = vec4f(0.0);
+        var m_xx = vec4f(0.0);
+        var m_yy = vec4f(0.0);
+        var m_xy = vec4f(0.0);
+        for (var k = 0u; k < 11u; k++) {
+            let v_x = window_row(x, k);
+            let v_y = window_row(y, k);
+            let w_x = WINDOW[k] * v_x;
+            let w_y = WINDOW[k] * v_y;
+            m_x += w_x;
+            m_y += w_y;
+            m_xx += w_x * v_x;
+            m_yy += w_y * v_y;
+            m_xy += w_x * v_y;
+        }
+        moments[plane_index(view, plane, at.x4, at.y)] = m_x;
+        moments[plane_index(view, plane + 1u, at.x4, at.y)] = m_y;
+        moments[plane_index(view, plane + 2u, at.x4, at.y)] = m_xx;
+        moments[plane_index(view, plane + 3u, at.x4, at.y)] = m_yy;
+        moments[plane_index(view, plane + 4u, at.x4, at.y)] = m_xy;
+    }
+}
+
+// Vertical window sums of one plane for SSIM_ROWS rows from `y` down.
+fn convolve_columns(plane: u32, x4: u32, y: u32) -> array<vec4f, SSIM_ROWS> {
+    var sums: array<vec4f, SSIM_ROWS>;
+    for (var i = 0u; i < SSIM_ROWS + 10u; i++) {
+        let row = i32(y + i) - 5;
+        if (row >= 0 && row < i32(view.size.y)) {
+            let v = moments[plane_index(view, plane, x4, u32(row))];
+            for (var r = 0u; r < SSIM_ROWS; r++) {
+                // Row i of the strip is tap i - r of output row r.
+                sums[r] += WINDOW_PADDED[i + SSIM_ROWS - 1u - r] * v;
+            }
+        }
+    }
+    return sums;
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn ssim_vertical(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let at = place(group, groups, local, SSIM_ROWS, 3u);
+    if (!at.inside) {
+        return;
+    }
+    let plane = N_MOMENTS * at.channel;
+    var m_x = convolve_columns(plane, at.x4, at.y);
+    var m_y = convolve_columns(plane + 1u, at.x4, at.y);
+    var m_xx = convolve_columns(plane + 2u, at.x4, at.y);
+    var m_yy = convolve_columns(plane + 3u, at.x4, at.y);
+    var m_xy = convolve_columns(plane + 4u, at.x4, at.y);
+    var norm: array<vec4f, SSIM_ROWS>;
+    if (loss.masked != 0u) {
+        norm = convolve_columns(NORM_PLANE, at.x4, at.y);
+    }
+    var sum = vec4f(0.0);
+    for (var r = 0u; r < SSIM_ROWS; r++) {
+        if (at.y + r < view.size.y) {
+            let valid = validity(texels(i32(at.x4), at.y + r), i32(at.x4));
+            var inv_norm = vec4f(1.0);
+            if (loss.masked != 0u) {
+                inv_norm = select(vec4f(0.0), 1.0 / norm[r], valid > vec4f(0.0));
+            }
+            let mu_x = m_x[r] * inv_norm;
+            let mu_y = m_y[r] * inv_norm;
+            let var_x = m_xx[r] * inv_norm - mu_x * mu_x;
+            let var_y = m_yy[r] * inv_norm - mu_y * mu_y;
+            let cov = m_xy[r] * inv_norm - mu_x * mu_y;
+            let n_1 = 2.0 * mu_x * mu_y + SSIM_C1;
+            let n_2 = 2.0 * cov + SSIM_C2;
+            let d_1 = mu_x * mu_x + mu_y * mu_y + SSIM_C1;
+            let d_2 = var_x + var_y + SSIM_C2;
+            let inv = 1.0 / (d_1 * d_2);
+            let s = n_1 * n_2 * inv;
+            sum += valid * s;
+            let scale = -loss.ssim_scale * valid * inv_norm;
+            let d_var = -s / d_2;
+            let d_cov = 2.0 * n_1 * inv;
+            let d_mu = 2.0 * (mu_y * n_2 * inv - mu_x * s / d_1) - 2.0 * mu_x * d_var - mu_y * d_cov;
+            let base = 3u * at.channel;
+            derivatives[plane_index(view, base, at.x4, at.y + r)] = scale * d_mu;
+            derivatives[plane_index(view, base + 1u, at.x4, at.y + r)] = scale * d_var;
+            derivatives[plane_index(view, base + 2u, at.x4, at.y + r)] = scale * d_cov;
+        }
+    }
+    let index = (group.y * groups.x + group.x) * WORKGROUP + local;
+    partials[index] = vec2f((sum.x + sum.y) + (sum.z + sum.w), 0.0);
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn ssim_horizontal_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let at = place(group, groups, local, 1u, 1u);
+    if (!at.inside || at.y >= view.size.y) {
+        return;
+    }
+    for (var plane = 0u; plane < 9u; plane++) {
+        var s: Strip;
+        for (var b = 0u; b < 5u; b++) {
+            let x4 = i32(at.x4 + b) - 2;
+            if (x4 >= 0 && x4 < i32(view.planes.y)) {
+                s.v[b] = derivatives[plane_index(view, plane, u32(x4), at.y)];
+            }
+        }
+        moments[plane_index(view, plane, at.x4, at.y)] = convolve(s);
+    }
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn ssim_vertical_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let at = place(group, groups, local, SSIM_ROWS, 3u);
+    if (!at.inside) {
+        return;
+    }
+    let base = 3u * at.channel;
+    var d_mu = convolve_columns(base, at.x4, at.y);
+    var d_xx = convolve_columns(base + 1u, at.x4, at.y);
+    var d_xy = convolve_columns(base + 2u, at.x4, at.y);
+    var sum = vec4f(0.0);
+    for (var r = 0u; r < SSIM_ROWS; r++) {
+        if (at.y + r >= view.size.y) {
+            d_rendered[plane_index(view, at.channel, at.x4, at.y + r)] = vec4f(0.0);
+        } else {
+            let raw = texels(i32(at.x4), at.y + r);
+            let valid = validity(raw, i32(at.x4));
+            let x = rendered[plane_index(view, at.channel, at.x4, at.y + r)];
+            let y = channel_of(raw, at.channel);
+            let difference = valid * (x - y);
+            sum += abs(difference);
+            let d_ssim = valid * (d_mu[r] + 2.0 * x * d_xx[r] + y * d_xy[r]);
+            d_rendered[plane_index(view, at.channel, at.x4, at.y + r)] = d_ssim + loss.l1_scale * sign(difference);
+        }
+    }
+    let index = (group.y * groups.x + group.x) * WORKGROUP + local;
+    partials[index].y = (sum.x + sum.y) + (sum.z + sum.w);
+}

@@ -1,0 +1,116 @@
+//! Typed access to GPU buffers.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use bytemuck::Pod;
+
+use super::Gpu;
+use crate::error::{Error, Result};
+
+/// A storage or uniform buffer, zero at first; its bytes count towards [`Gpu::peak_bytes`].
+pub struct Buffer {
+    pub(super) raw: wgpu::Buffer,
+    bytes: u64,
+    allocated: Arc<AtomicU64>,
+}
+
+impl Drop for Buffer {
+    fn drop(&mut self) {
+        self.allocated.fetch_sub(self.bytes, Ordering::Relaxed);
+    }
+}
+
+impl Buffer {
+    /// A storage buffer for `len` values of `T`; at least 16 bytes, so that it can be bound.
+    ///
+    /// # Errors
+    /// More bytes than the adapter can bind at once: names both numbers.
+    pub fn storage<T: Pod>(gpu: &Gpu, label: &str, len: usize) -> Result<Buffer> {
+        let bytes = (len as u64)
+            .checked_mul(size_of::<T>() as u64)
+            .filter(|&bytes| bytes <= gpu.max_binding())
+            .ok_or_else(|| {
+                Error::new(format!(
+                    "buffer `{label}` needs {len} x {} bytes, the adapter binds at most {}",
+                    size_of::<T>(),
+                    gpu.max_binding()
+                ))
+                .at(&gpu.info.name)
+                .way_out("use fewer Gaussians (`--max-points`) or smaller images (`--max-size`)")
+            })?;
+        let usage = wgpu::BufferUsages::STORAGE;
+        Ok(Self::create(gpu, label, bytes.max(16).next_multiple_of(4), usage))
+    }
+
+    /// A storage buffer that holds `data`.
+    pub fn storage_from<T: Pod>(gpu: &Gpu, label: &str, data: &[T]) -> Result<Buffer> {
+        let buffer = Self::storage::<T>(gpu, label, data.len())?;
+        buffer.write(gpu, data);
+        Ok(buffer)
+    }
+
+    /// A uniform buffer for one `T`.
+    pub fn uniform<T: Pod>(gpu: &Gpu, label: &str) -> Buffer {
+        Self::create(gpu, label, size_of::<T>() as u64, wgpu::BufferUsages::UNIFORM)
+    }
+
+    /// A uniform buffer that holds `value`.
+    pub fn uniform_from<T: Pod>(gpu: &Gpu, label: &str, value: &T) -> Buffer {
+        let buffer = Self::uniform::<T>(gpu, label);
+        buffer.write(gpu, std::slice::from_ref(value));
+        buffer
+    }
+
+    fn create(gpu: &Gpu, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Buffer {
+        let raw = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size: bytes,
+            usage: usage | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        let now = gpu.allocated.fetch_add(bytes, Ordering::Relaxed) + bytes;
+        gpu.peak.fetch_max(now, Ordering::Relaxed);
+        Buffer { raw, bytes, allocated: Arc::clone(&gpu.allocated) }
+    }
+
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Queues a write of `data` to the buffer's start, before the next submission.
+    pub fn write<T: Pod>(&self, gpu: &Gpu, data: &[T]) {
+        gpu.queue.write_buffer(&self.raw, 0, bytemuck::cast_slice(data));
+    }
+
+    /// Waits for the GPU and reads the first `len` values of `T`.
+    pub fn read<T: Pod>(&self, gpu: &Gpu, len: usize) -> Result<Vec<T>> {
+        let bytes = (len * size_of::<T>()) as u64;
+        if bytes == 0 {
+            return Ok(Vec::new());
+        }
+        let staging = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("readback"),
+            size: bytes.next_multiple_of(4),
+            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        });
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(&self.raw, 0, &staging, 0, bytes.next_multiple_of(4));
+        gpu.queue.submit([encoder.finish()]);
+        let (sender, receiver) = std::sync::mpsc::channel();
+        staging.map_async(wgpu::MapMode::Read, .., move |mapped| {
+            // The receiver lives until this has been called, or the wait below has failed.
+            let _ = sender.send(mapped);
+        });
+        gpu.wait()?;
+        let unreadable = |e: &dyn std::fmt::Display| {
+            Error::new(format!("cannot read a buffer back: {e}")).at(&gpu.info.name)
+        };
+        receiver.recv().map_err(|e| unreadable(&e))?.map_err(|e| unreadable(&e))?;
+        let view = staging.get_mapped_range(..).map_err(|e| unreadable(&e))?;
+        let mut values = vec![T::zeroed(); len];
+        bytemuck::cast_slice_mut::<T, u8>(&mut values).copy_from_slice(&view[..bytes as usize]);
+        Ok(values)
+    }
+}

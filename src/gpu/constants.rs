@@ -1,0 +1,122 @@
+//! Every constant that shaders and host share, once. [`prelude`] hands them to WGSL.
+
+use std::fmt::Write;
+
+/// Threads a workgroup, in every kernel.
+pub const WORKGROUP: u32 = 64;
+/// Tile size, pixels. A thread owns a tile, four pixels a vector.
+pub const TILE_W: u32 = 4;
+pub const TILE_H: u32 = 4;
+/// Counts a thread sums serially in scans and sums.
+pub const SCAN_CHUNK: u32 = 32;
+/// Length of the runs that the tile sort makes by insertion before it merges.
+pub const SORT_RUN: u32 = 8;
+/// Rows a thread of SSIM's vertical passes covers.
+pub const SSIM_ROWS: u32 = 4;
+/// Slots of the `totals` buffer: pairs of the current view, tile slots of the current view,
+/// number of the first step whose pairs did not fit (0: none), largest total seen.
+pub const TOTAL_PAIRS: u32 = 0;
+pub const TOTAL_SLOTS: u32 = 1;
+pub const TOTAL_OVERFLOW: u32 = 2;
+pub const TOTAL_MAX: u32 = 3;
+pub const N_TOTALS: u32 = 4;
+
+/// Low-pass filter added to the 2D covariance's diagonal, square pixels (3DGS).
+pub const DILATION: f64 = 0.3;
+/// Cap of a splat's alpha (gsplat's reference).
+pub const ALPHA_MAX: f64 = 0.999;
+/// Splats fainter than this at a pixel are skipped there (3DGS).
+pub const ALPHA_MIN: f64 = 1.0 / 255.0;
+/// A pixel ends before its transmittance falls to this (3DGS).
+pub const TRANSMITTANCE_MIN: f64 = 1e-4;
+/// Pixels by which a splat's reach is widened when tiles are listed: rounding loses no pixel.
+pub const RIM: f64 = 1e-3;
+/// The Jacobian's x/z and y/z are bounded to the image plus this share of its size on each side.
+pub const RATIO_MARGIN: f64 = 0.15;
+
+pub const SSIM_C1: f64 = 0.01 * 0.01;
+pub const SSIM_C2: f64 = 0.03 * 0.03;
+/// Side and standard deviation of SSIM's Gaussian window, pixels.
+pub const SSIM_WINDOW: usize = 11;
+pub const SSIM_SIGMA: f64 = 1.5;
+
+pub const SH_0: f64 = 0.28209479177387814;
+
+/// SSIM's window, normalised to sum 1.
+pub fn ssim_window() -> [f64; SSIM_WINDOW] {
+    let mut window = [0.0; SSIM_WINDOW];
+    for (i, w) in window.iter_mut().enumerate() {
+        let x = i as f64 - (SSIM_WINDOW / 2) as f64;
+        *w = (-x * x / (2.0 * SSIM_SIGMA * SSIM_SIGMA)).exp();
+    }
+    let sum: f64 = window.iter().sum();
+    window.map(|w| w / sum)
+}
+
+/// The constants as WGSL declarations.
+pub fn prelude() -> String {
+    let mut out = String::new();
+    for (name, value) in [
+        ("WORKGROUP", WORKGROUP),
+        ("TILE_W", TILE_W),
+        ("TILE_H", TILE_H),
+        ("SCAN_CHUNK", SCAN_CHUNK),
+        ("SORT_RUN", SORT_RUN),
+        ("SSIM_ROWS", SSIM_ROWS),
+        ("TOTAL_PAIRS", TOTAL_PAIRS),
+        ("TOTAL_SLOTS", TOTAL_SLOTS),
+        ("TOTAL_OVERFLOW", TOTAL_OVERFLOW),
+        ("TOTAL_MAX", TOTAL_MAX),
+    ] {
+        let _ = writeln!(out, "const {name} = {value}u;");
+    }
+    for (name, value) in [
+        ("DILATION", DILATION),
+        ("ALPHA_MAX", ALPHA_MAX),
+        ("ALPHA_MIN", ALPHA_MIN),
+        ("TRANSMITTANCE_MIN", TRANSMITTANCE_MIN),
+        ("RIM", RIM),
+        ("CONIC_SCALE", (0.5 * std::f64::consts::LOG2_E).sqrt()),
+        ("SSIM_C1", SSIM_C1),
+        ("SSIM_C2", SSIM_C2),
+        ("SH_0", SH_0),
+        ("SH_1", 0.4886025119029199),
+        ("SH_2_0", 1.0925484305920792),
+        ("SH_2_1", 0.31539156525252005),
+        ("SH_2_2", 0.5462742152960396),
+        ("SH_3_0", 0.5900435899266435),
+        ("SH_3_1", 2.890611442640554),
+        ("SH_3_2", 0.4570457994644658),
+        ("SH_3_3", 0.3731763325901154),
+        ("SH_3_4", 1.445305721320277),
+        ("EXP2_C1", EXP2[0]),
+        ("EXP2_C2", EXP2[1]),
+        ("EXP2_C3", EXP2[2]),
+        ("EXP2_C4", EXP2[3]),
+        ("EXP2_C5", EXP2[4]),
+        ("EXP2_C6", EXP2[5]),
+    ] {
+        let _ = writeln!(out, "const {name} = f32({value:e});");
+    }
+    let window = ssim_window();
+    let _ = writeln!(out, "const WINDOW = array<f32, {SSIM_WINDOW}>({});", list(&window));
+    let mut padded = vec![0.0; SSIM_WINDOW + 2 * (SSIM_ROWS as usize - 1)];
+    padded[SSIM_ROWS as usize - 1..][..SSIM_WINDOW].copy_from_slice(&window);
+    let _ = writeln!(out, "const WINDOW_PADDED = array<f32, {}>({});", padded.len(), list(&padded));
+    out
+}
+
+fn list(values: &[f64]) -> String {
+    values.iter().map(|v| format!("{v:e}")).collect::<Vec<_>>().join(", ")
+}
+
+/// Minimax polynomial of `2^f` on `[0, 1)` with constant term 1: coefficients of `f` to `f^6`,
+/// relative error 2e-9 before rounding.
+const EXP2: [f64; 6] = [
+    0.693147044443323,
+    0.24022930555224872,
+    0.055485280618589546,
+    0.009675451566992522,
+    0.001246784644570376,
+    0.00021612914955163514,
+];

@@ -1,0 +1,154 @@
+//! Kernels: a compute pipeline whose bind group layout is read off the shader by naga, so that no
+//! second list of bindings exists, and the commands that dispatch them.
+
+use super::constants::WORKGROUP;
+use super::{Buffer, Gpu, shader};
+
+/// One entry point of one stage.
+pub struct Kernel {
+    name: &'static str,
+    pipeline: wgpu::ComputePipeline,
+    layout: wgpu::BindGroupLayout,
+    /// (name, binding) of every variable that the entry point uses.
+    bindings: Vec<(String, u32)>,
+}
+
+impl Kernel {
+    /// Compiles entry point `entry` of `stage`.
+    ///
+    /// # Panics
+    /// If the shader does not validate: a fault in this program; the message is naga's.
+    pub fn new(gpu: &Gpu, stage: &str, entry: &'static str) -> Kernel {
+        let source = shader::compose(stage);
+        let module = naga::front::wgsl::parse_str(&source)
+            .unwrap_or_else(|e| panic!("{}", e.emit_to_string_with_path(&source, stage)));
+        let flags = naga::valid::ValidationFlags::all();
+        let capabilities = naga::valid::Capabilities::empty();
+        let info = naga::valid::Validator::new(flags, capabilities)
+            .validate(&module)
+            .unwrap_or_else(|e| panic!("{}", e.emit_to_string_with_path(&source, stage)));
+        let point = module
+            .entry_points
+            .iter()
+            .position(|point| point.name == entry)
+            .unwrap_or_else(|| panic!("{stage}: no entry point named {entry}"));
+        let uses = info.get_entry_point(point);
+
+        let mut bindings = Vec::new();
+        let mut entries = Vec::new();
+        for (handle, variable) in module.global_variables.iter() {
+            let Some(binding) = &variable.binding else { continue };
+            if uses[handle].is_empty() {
+                continue;
+            }
+            let ty = match variable.space {
+                naga::AddressSpace::Uniform => wgpu::BufferBindingType::Uniform,
+                naga::AddressSpace::Storage { access } => wgpu::BufferBindingType::Storage {
+                    read_only: !access.contains(naga::StorageAccess::STORE),
+                },
+                other => panic!("{stage}: binding in unexpected address space {other:?}"),
+            };
+            entries.push(wgpu::BindGroupLayoutEntry {
+                binding: binding.binding,
+                visibility: wgpu::ShaderStages::COMPUTE,
+                ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+                count: None,
+            });
+            bindings.push((variable.name.clone().unwrap_or_default(), binding.binding));
+        }
+        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some(entry),
+            entries: &entries,
+        });
+        let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(entry),
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        });
+        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(stage),
+            source: wgpu::ShaderSource::Wgsl(source.into()),
+        });
+        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(entry),
+            layout: Some(&pipeline_layout),
+            module: &module,
+            entry_point: Some(entry),
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        Kernel { name: entry, pipeline, layout, bindings }
+    }
+
+    /// Binds buffers by the names of the shader's variables; names that this entry point does not
+    /// use are passed over, so that a stage's entry points can share one list.
+    ///
+    /// # Panics
+    /// If a variable is left without a buffer: a fault in this program.
+    pub fn bind(&self, gpu: &Gpu, buffers: &[(&str, &Buffer)]) -> wgpu::BindGroup {
+        let entries: Vec<wgpu::BindGroupEntry<'_>> = self
+            .bindings
+            .iter()
+            .map(|(name, binding)| {
+                let buffer = buffers.iter().find(|(n, _)| n == name);
+                let (_, buffer) = buffer
+                    .unwrap_or_else(|| panic!("{}: nothing bound to `{name}`", self.name));
+                wgpu::BindGroupEntry { binding: *binding, resource: buffer.raw.as_entire_binding() }
+            })
+            .collect();
+        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(self.name),
+            layout: &self.layout,
+            entries: &entries,
+        })
+    }
+}
+
+/// Commands recorded for one submission.
+pub struct Commands<'a> {
+    gpu: &'a Gpu,
+    encoder: wgpu::CommandEncoder,
+}
+
+impl<'a> Commands<'a> {
+    pub fn new(gpu: &'a Gpu) -> Commands<'a> {
+        Commands { gpu, encoder: gpu.device.create_command_encoder(&Default::default()) }
+    }
+
+    /// Dispatches at least `n_threads` threads, folded into two dimensions.
+    pub fn dispatch(&mut self, kernel: &Kernel, group: &wgpu::BindGroup, n_threads: u64) {
+        let n_groups = n_threads.div_ceil(u64::from(WORKGROUP));
+        if n_groups == 0 {
+            return;
+        }
+        let (x, y) = fold(n_groups, self.gpu.limits.max_compute_workgroups_per_dimension);
+        let mut pass = self.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some(kernel.name),
+            timestamp_writes: None,
+        });
+        pass.set_pipeline(&kernel.pipeline);
+        pass.set_bind_group(0, group, &[]);
+        pass.dispatch_workgroups(x, y, 1);
+    }
+
+    /// Sets a whole buffer to zero.
+    pub fn clear(&mut self, buffer: &Buffer) {
+        self.encoder.clear_buffer(&buffer.raw, 0, None);
+    }
+
+    /// Copies `bytes` bytes between buffers' starts.
+    pub fn copy(&mut self, from: &Buffer, to: &Buffer, bytes: u64) {
+        self.encoder.copy_buffer_to_buffer(&from.raw, 0, &to.raw, 0, bytes);
+    }
+
+    pub fn submit(self) {
+        self.gpu.queue.submit([self.encoder.finish()]);
+    }
+}
+
+/// `n` workgroups as a grid no side of which exceeds `limit`, with as few idle ones as one row.
+pub fn fold(n: u64, limit: u32) -> (u32, u32) {
+    let rows = n.div_ceil(u64::from(limit));
+    let columns = n.div_ceil(rows);
+    (columns as u32, rows as u32)
+}

@@ -1,0 +1,11 @@
+//! The GPU: adapter and limits, buffers with readback, shader composition, kernels.
+
+pub mod buffer;
+pub mod constants;
+pub mod device;
+pub mod kernel;
+pub mod shader;
+
+pub use buffer::Buffer;
+pub use device::Gpu;
+pub use kernel::{Commands, Kernel};

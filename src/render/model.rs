@@ -1,0 +1,114 @@
+//! The Gaussians' parameters on the GPU.
+
+use crate::error::Result;
+use crate::gaussians::Gaussians;
+use crate::gpu::{Buffer, Gpu};
+
+/// Planes of four floats a Gaussian: geometry, and SH blocks of degrees 0-1, 2 and 3. A block
+/// stays within one binding up to 1.6 million Gaussians on adapters that bind 128 MiB.
+pub const BLOCK_PLANES: [usize; 4] = [3, 3, 4, 5];
+
+/// Parameter blocks (or Adam moments of the same shape), `[plane][stride]` of `vec4f` each.
+///
+/// Geometry planes: `mean.xyz, opacity_logit`; `scale_log.xyz, 0`; `rotation_wxyz`. SH planes:
+/// float `3k + c` of a Gaussian is coefficient `k` of channel `c`, four floats a plane.
+pub struct Model {
+    pub n: usize,
+    /// Entries a plane; at least `n`.
+    pub stride: usize,
+    pub sh_degree: u32,
+    pub blocks: [Buffer; 4],
+}
+
+impl Model {
+    /// All zero, with room for `stride` Gaussians.
+    pub fn zeros(gpu: &Gpu, n: usize, stride: usize, sh_degree: u32) -> Result<Model> {
+        let block = |i: usize, label: &str| {
+            let planes = if i < n_blocks(sh_degree) { BLOCK_PLANES[i] } else { 0 };
+            Buffer::storage::<[f32; 4]>(gpu, label, planes * stride)
+        };
+        Ok(Model {
+            n,
+            stride,
+            sh_degree,
+            blocks: [
+                block(0, "geometry")?,
+                block(1, "sh_0")?,
+                block(2, "sh_2")?,
+                block(3, "sh_3")?,
+            ],
+        })
+    }
+
+    /// Uploads Gaussians, with room for `stride` of them.
+    pub fn upload(gpu: &Gpu, gaussians: &Gaussians, stride: usize) -> Result<Model> {
+        let n = gaussians.means.len();
+        let model = Self::zeros(gpu, n, stride, gaussians.sh_degree)?;
+        let mut geometry = vec![[0.0_f32; 4]; 3 * stride];
+        for i in 0..n {
+            let mean = gaussians.means[i];
+            let scale = gaussians.scales_log[i];
+            geometry[i] = [mean.x, mean.y, mean.z, gaussians.opacity_logits[i]];
+            geometry[stride + i] = [scale.x, scale.y, scale.z, 0.0];
+            geometry[2 * stride + i] = gaussians.rotations_wxyz[i];
+        }
+        model.blocks[0].write(gpu, &geometry);
+
+        let n_sh = n_floats(gaussians.sh_degree);
+        let mut first = 0;
+        for block in 1..n_blocks(gaussians.sh_degree) {
+            let mut planes = vec![[0.0_f32; 4]; BLOCK_PLANES[block] * stride];
+            for i in 0..n {
+                let sh = &gaussians.sh[i * n_sh..][..n_sh];
+                for (f, &value) in sh.iter().enumerate().skip(first).take(4 * BLOCK_PLANES[block]) {
+                    planes[(f - first) / 4 * stride + i][(f - first) % 4] = value;
+                }
+            }
+            model.blocks[block].write(gpu, &planes);
+            first += 4 * BLOCK_PLANES[block];
+        }
+        Ok(model)
+    }
+
+    /// Reads the Gaussians back.
+    pub fn download(&self, gpu: &Gpu) -> Result<Gaussians> {
+        let (n, stride) = (self.n, self.stride);
+        let geometry: Vec<[f32; 4]> = self.blocks[0].read(gpu, 3 * stride)?;
+        let n_sh = n_floats(self.sh_degree);
+        let mut sh = vec![0.0; n * n_sh];
+        let mut first = 0;
+        for block in 1..n_blocks(self.sh_degree) {
+            let planes: Vec<[f32; 4]> =
+                self.blocks[block].read(gpu, BLOCK_PLANES[block] * stride)?;
+            for i in 0..n {
+                for f in first..n_sh.min(first + 4 * BLOCK_PLANES[block]) {
+                    sh[i * n_sh + f] = planes[(f - first) / 4 * stride + i][(f - first) % 4];
+                }
+            }
+            first += 4 * BLOCK_PLANES[block];
+        }
+        let xyz = |v: &[f32; 4]| glam::Vec3::new(v[0], v[1], v[2]);
+        Ok(Gaussians {
+            means: geometry[..n].iter().map(xyz).collect(),
+            opacity_logits: geometry[..n].iter().map(|v| v[3]).collect(),
+            scales_log: geometry[stride..][..n].iter().map(xyz).collect(),
+            rotations_wxyz: geometry[2 * stride..][..n].to_vec(),
+            sh,
+            sh_degree: self.sh_degree,
+        })
+    }
+}
+
+/// SH floats a Gaussian.
+fn n_floats(sh_degree: u32) -> usize {
+    3 * (sh_degree as usize + 1).pow(2)
+}
+
+/// Blocks in use: geometry and those that hold coefficients up to `sh_degree`.
+pub fn n_blocks(sh_degree: u32) -> usize {
+    match sh_degree {
+        0 | 1 => 2,
+        2 => 3,
+        _ => 4,
+    }
+}

@@ -1,0 +1,85 @@
+//! Renders single views and reads them back: evaluation, `render`, tests.
+
+use super::model::Model;
+use super::uniforms::ViewUniform;
+use super::workspace::{Bound, Capacity, Kernels, Pass, Workspace, read_totals};
+use crate::error::{Error, Result};
+use crate::gpu::{Buffer, Commands, Gpu};
+
+/// A rendered view, row 0 on top, values unclamped.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rendered {
+    pub width: u32,
+    pub height: u32,
+    /// `[height][width][3]`.
+    pub rgb: Vec<f32>,
+    /// `[height][width]`: 1 - final transmittance.
+    pub alpha: Vec<f32>,
+}
+
+/// Renders views of any size one after the other; its buffers grow as needed.
+pub struct Renderer<'a> {
+    gpu: &'a Gpu,
+    kernels: &'a Kernels,
+    workspace: Option<Workspace>,
+}
+
+impl<'a> Renderer<'a> {
+    pub fn new(gpu: &'a Gpu, kernels: &'a Kernels) -> Renderer<'a> {
+        Renderer { gpu, kernels, workspace: None }
+    }
+
+    /// Renders `view` with SH up to the model's degree.
+    ///
+    /// # Errors
+    /// More (tile, Gaussian) pairs than the adapter can bind, or a GPU fault.
+    pub fn render(&mut self, model: &Model, view: &ViewUniform) -> Result<Rendered> {
+        let mut needed = Capacity::new(model.stride, 4 * model.n.max(1024), &[*view]);
+        loop {
+            let workspace = match self.workspace.take() {
+                Some(workspace) if workspace.capacity.holds(&needed) => workspace,
+                Some(workspace) => {
+                    Workspace::new(self.gpu, workspace.capacity.union(&needed), false)?
+                }
+                None => Workspace::new(self.gpu, needed, false)?,
+            };
+            let bound = Bound::new(self.gpu, self.kernels, &workspace, model);
+            let at = (model.sh_degree, 1);
+            let pass =
+                Pass::new(self.gpu, self.kernels, &workspace, &bound, model, (0, *view), at);
+            let mut commands = Commands::new(self.gpu);
+            commands.clear(&workspace.totals);
+            pass.forward(&mut commands);
+            commands.submit();
+            let totals = read_totals(self.gpu, &workspace)?;
+            if totals.overflow_step == 0 {
+                let image = read_rendered(self.gpu, &workspace.rendered, view)?;
+                self.workspace = Some(workspace);
+                return Ok(image);
+            }
+            if totals.pairs == u32::MAX as usize {
+                return Err(Error::new("a view has more than 2^32 (tile, Gaussian) pairs")
+                    .way_out("the Gaussians are too large for this view; render it smaller"));
+            }
+            needed.pairs = totals.pairs.next_multiple_of(1024);
+            self.workspace = Some(workspace);
+        }
+    }
+}
+
+/// Reads colour and transmittance planes back into interleaved rows.
+pub fn read_rendered(gpu: &Gpu, rendered: &Buffer, view: &ViewUniform) -> Result<Rendered> {
+    let plane = 4 * view.plane_len();
+    let values: Vec<f32> = rendered.read(gpu, 4 * plane)?;
+    let (width, height) = (view.size[0] as usize, view.size[1] as usize);
+    let row_len = 4 * view.padded_size().0;
+    let mut rgb = Vec::with_capacity(3 * width * height);
+    let mut alpha = Vec::with_capacity(width * height);
+    for y in 0..height {
+        for i in y * row_len..y * row_len + width {
+            rgb.extend([values[i], values[plane + i], values[2 * plane + i]]);
+            alpha.push(1.0 - values[3 * plane + i]);
+        }
+    }
+    Ok(Rendered { width: view.size[0], height: view.size[1], rgb, alpha })
+}

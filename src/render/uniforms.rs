@@ -1,0 +1,126 @@
+//! Uniform structs shared with WGSL (`shaders/shared/view.wgsl`, `loss.wgsl`).
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::camera::Camera;
+use crate::gpu::constants::{RATIO_MARGIN, SSIM_ROWS, TILE_H, TILE_W};
+
+/// One rendered view; `View` in WGSL.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct ViewUniform {
+    pub w2c_x: [f32; 4],
+    pub w2c_y: [f32; 4],
+    pub w2c_z: [f32; 4],
+    pub center_near: [f32; 4],
+    pub intrinsics: [f32; 4],
+    pub ratio_bounds: [f32; 4],
+    pub background: [f32; 4],
+    pub size: [u32; 4],
+    pub counts: [u32; 4],
+    pub planes: [u32; 4],
+}
+
+impl ViewUniform {
+    /// The camera's part; counts and slot are set where the view is rendered. `near` is in the
+    /// camera's world unit.
+    pub fn new(camera: &Camera, near: f64, background: [f64; 3]) -> ViewUniform {
+        let row = |i: usize| {
+            let r = camera.rotation.row(i);
+            [r.x as f32, r.y as f32, r.z as f32, camera.translation[i] as f32]
+        };
+        let center = camera.center();
+        let (w, h) = (f64::from(camera.width), f64::from(camera.height));
+        let low = |c: f64, size: f64, f: f64| (-(c + RATIO_MARGIN * size) / f) as f32;
+        let high = |c: f64, size: f64, f: f64| ((size - c + RATIO_MARGIN * size) / f) as f32;
+        let (width_4, padded_height) = padded(camera.width, camera.height);
+        ViewUniform {
+            w2c_x: row(0),
+            w2c_y: row(1),
+            w2c_z: row(2),
+            center_near: [center.x as f32, center.y as f32, center.z as f32, near as f32],
+            intrinsics: [camera.fx, camera.fy, camera.cx, camera.cy].map(|v| v as f32),
+            ratio_bounds: [
+                low(camera.cx, w, camera.fx),
+                high(camera.cx, w, camera.fx),
+                low(camera.cy, h, camera.fy),
+                high(camera.cy, h, camera.fy),
+            ],
+            background: [background[0] as f32, background[1] as f32, background[2] as f32, 0.0],
+            size: [
+                camera.width,
+                camera.height,
+                camera.width.div_ceil(TILE_W),
+                camera.height.div_ceil(TILE_H),
+            ],
+            counts: [0; 4],
+            planes: [width_4 * padded_height, width_4, 0, 0],
+        }
+    }
+
+    pub fn n_tiles(&self) -> usize {
+        self.size[2] as usize * self.size[3] as usize
+    }
+
+    /// `vec4f`s of one plane of the padded image.
+    pub fn plane_len(&self) -> usize {
+        self.planes[0] as usize
+    }
+
+    /// Pixels of the image itself.
+    pub fn n_pixels(&self) -> usize {
+        self.size[0] as usize * self.size[1] as usize
+    }
+
+    /// Pixels of four a row of the padded image, and its rows.
+    pub fn padded_size(&self) -> (usize, usize) {
+        (self.planes[1] as usize, (self.planes[0] / self.planes[1]) as usize)
+    }
+}
+
+/// Vectors of four pixels a row and rows of the padded image: whole tiles and whole SSIM strips.
+fn padded(width: u32, height: u32) -> (u32, u32) {
+    let rows = if TILE_H % SSIM_ROWS == 0 { TILE_H } else { TILE_H * SSIM_ROWS };
+    (width.div_ceil(4), height.next_multiple_of(rows))
+}
+
+/// One image loss; `Loss` in WGSL.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct LossUniform {
+    pub l1_scale: f32,
+    pub ssim_scale: f32,
+    pub masked: u32,
+    pub mean_scale: f32,
+    pub slot: u32,
+    pub n_partials: u32,
+    pub pad_0: u32,
+    pub pad_1: u32,
+}
+
+impl LossUniform {
+    /// `weight ((1 - ssim_weight) L1 + ssim_weight (1 - SSIM))`, means over `n_valid` pixels.
+    pub fn new(weight: f64, ssim_weight: f64, n_valid: usize, masked: bool, slot: u32) -> Self {
+        let mean_scale = if n_valid == 0 { 0.0 } else { 1.0 / (3.0 * n_valid as f64) };
+        LossUniform {
+            l1_scale: (weight * (1.0 - ssim_weight) * mean_scale) as f32,
+            ssim_scale: (weight * ssim_weight * mean_scale) as f32,
+            masked: u32::from(masked),
+            mean_scale: mean_scale as f32,
+            slot,
+            n_partials: 0,
+            pad_0: 0,
+            pad_1: 0,
+        }
+    }
+}
+
+/// One prefix sum; `Scan` in WGSL.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct ScanUniform {
+    pub n: u32,
+    pub total: u32,
+    pub capacity: u32,
+    pub step: u32,
+}
