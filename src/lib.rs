@@ -9,7 +9,14 @@
 //! focus at the origin, sphere of radius 1. Colours are as stored (sRGB), in `[0, 1]`.
 
 pub mod camera;
+pub mod cameras_json;
 pub mod config;
 pub mod error;
+
+pub mod field;
+pub mod gaussians;
 pub mod gpu;
+pub mod render;
 pub mod scene;
+pub mod splat;
+pub mod views;

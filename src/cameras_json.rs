@@ -1,0 +1,139 @@
+//! `cameras.json`: camera poses as 3DGS writes them, with the principal point beside.
+
+use std::path::{Component, Path};
+
+use glam::{DMat3, DVec3};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::camera::Camera;
+use crate::error::{Error, Result, read_file, write_file};
+
+/// How far `R^T R` may be from the identity, in any entry: files hold few digits.
+const ROTATION_TOLERANCE: f64 = 1e-3;
+
+/// One camera as 3DGS writes it; other keys are ignored.
+#[derive(Serialize, Deserialize)]
+struct Entry {
+    #[serde(default)]
+    id: u64,
+    img_name: String,
+    width: u32,
+    height: u32,
+    /// Optical centre in the world, `-R^T t`.
+    position: [f64; 3],
+    /// Rows of the camera-to-world rotation, `R^T`.
+    rotation: [[f64; 3]; 3],
+    fx: f64,
+    fy: f64,
+    /// Not in 3DGS's own files, which centre the principal point.
+    cx: Option<f64>,
+    cy: Option<f64>,
+}
+
+/// Writes cameras in the world frame.
+///
+/// # Errors
+/// What keeps the file from being written.
+pub fn write_cameras(path: &Path, cameras: &[Camera]) -> Result<()> {
+    let entries: Vec<Entry> = cameras
+        .iter()
+        .zip(0..)
+        .map(|(camera, id)| Entry {
+            id,
+            img_name: camera.name.clone(),
+            width: camera.width,
+            height: camera.height,
+            position: camera.center().to_array(),
+            // Columns of R are rows of R^T.
+            rotation: camera.rotation.to_cols_array_2d(),
+            fx: camera.fx,
+            fy: camera.fy,
+            cx: Some(camera.cx),
+            cy: Some(camera.cy),
+        })
+        .collect();
+    let json = serde_json::to_string_pretty(&entries)
+        .map_err(|e| Error::new(format!("cannot be written as JSON: {e}")).at_path(path))?;
+    write_file(path, json.as_bytes())
+}
+
+/// Reads cameras in the world frame, in the file's order; `cx`, `cy` default to the centre.
+///
+/// # Errors
+/// No JSON, or an entry that is no camera; both name the file, and the line or the entry.
+pub fn read_cameras(path: &Path) -> Result<Vec<Camera>> {
+    let bytes = read_file(path)?;
+    let entries: Vec<Value> = serde_json::from_slice(&bytes)
+        .map_err(|e| Error::new(format!("not a JSON list of cameras: {e}")).at_path(path))?;
+    let mut cameras: Vec<Camera> = Vec::with_capacity(entries.len());
+    let mut names = std::collections::HashSet::with_capacity(entries.len());
+    for (i, value) in entries.into_iter().enumerate() {
+        let camera = Entry::deserialize(value)
+            .map_err(|e| Error::new(e.to_string()))
+            .and_then(Entry::into_camera)
+            .map_err(|e| e.at(format!("entry {i}")).at_path(path))?;
+        if !names.insert(camera.name.clone()) {
+            return Err(
+                Error::new(format!("the name `{}` was used before", camera.name))
+                    .at(format!("entry {i}"))
+                    .at_path(path),
+            );
+        }
+        cameras.push(camera);
+    }
+    Ok(cameras)
+}
+
+impl Entry {
+    fn into_camera(self) -> Result<Camera> {
+        let name = self.img_name;
+        // Renders are stored under these names.
+        let plain = |c: Component| matches!(c, Component::Normal(_));
+        if name.is_empty() || name.contains('\0') || !Path::new(&name).components().all(plain) {
+            return Err(Error::new(format!(
+                "img_name {name:?} is not a plain relative file name"
+            )));
+        }
+        if self.width == 0 || self.height == 0 {
+            return Err(Error::new(format!(
+                "the image size is {}x{}",
+                self.width, self.height
+            )));
+        }
+        for (key, focal) in [("fx", self.fx), ("fy", self.fy)] {
+            if focal <= 0.0 {
+                return Err(Error::new(format!(
+                    "{key} is {focal}, but must be positive"
+                )));
+            }
+        }
+        let rotation = DMat3::from_cols_array_2d(&self.rotation);
+        let product = rotation.transpose() * rotation - DMat3::IDENTITY;
+        if product
+            .to_cols_array()
+            .iter()
+            .any(|v| v.abs() > ROTATION_TOLERANCE)
+            || rotation.determinant() < 0.0
+        {
+            return Err(Error::new(
+                "`rotation` is not a rotation matrix: its rows must be orthonormal and right-handed",
+            ));
+        }
+        let translation = -(rotation * DVec3::from_array(self.position));
+        if !translation.is_finite() {
+            return Err(Error::new("`position` is too large"));
+        }
+        Ok(Camera {
+            name,
+            width: self.width,
+            height: self.height,
+            fx: self.fx,
+            fy: self.fy,
+            cx: self.cx.unwrap_or(0.5 * f64::from(self.width)),
+            cy: self.cy.unwrap_or(0.5 * f64::from(self.height)),
+            rotation,
+            translation,
+        })
+    }
+}

@@ -1,0 +1,184 @@
+//! Gaussians on the host: the model, its start from a point cloud, and its file ([`ply`]).
+
+pub mod ply;
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use rstar::RTree;
+
+use crate::camera::Frame;
+use crate::config::ModelConfig;
+use crate::error::{Error, Result};
+use crate::scene::PointCloud;
+
+/// Degree-0 spherical harmonic, `1 / (2 sqrt(pi))`: colour = 0.5 + SH_0 * f_dc + ...
+pub const SH_0: f64 = 0.28209479177387814;
+
+/// Highest spherical-harmonics degree.
+pub const MAX_SH_DEGREE: u32 = 3;
+
+/// Lower bound of the mean squared neighbour distance, in `R^2` (3DGS: 1e-7 in world units).
+const MIN_SQUARED_DISTANCE: f64 = 1e-7;
+
+/// Scale of a cloud's only point, in `R`.
+const LONE_SCALE: f64 = 0.01;
+
+/// The scene as 3D Gaussians; all arrays have one entry a Gaussian, as stored by 3DGS. In the
+/// canonical frame ([`Frame`]) unless said otherwise.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Gaussians {
+    pub means: Vec<Vec3>,
+    /// Natural logarithm of the standard deviations along the principal axes.
+    pub scales_log: Vec<Vec3>,
+    /// Unnormalised quaternions, w first.
+    pub rotations_wxyz: Vec<[f32; 4]>,
+    /// `ln(opacity / (1 - opacity))`.
+    pub opacity_logits: Vec<f32>,
+    /// Spherical-harmonics coefficients `[i][k][c]`: `n * (sh_degree + 1)^2 * 3`.
+    pub sh: Vec<f32>,
+    pub sh_degree: u32,
+}
+
+impl Gaussians {
+    pub fn len(&self) -> usize {
+        self.means.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.means.is_empty()
+    }
+
+    /// Coefficients a channel, `(sh_degree + 1)^2`.
+    pub fn n_sh(&self) -> usize {
+        n_sh(self.sh_degree)
+    }
+
+    /// The Gaussians that training starts from: one a cloud point, isotropic, as large as the
+    /// root mean square distance to the three nearest other points (3DGS), unrotated, of the
+    /// cloud's colour from everywhere.
+    ///
+    /// Scales are bounded: below as in 3DGS, for points that coincide; above by
+    /// `config.max_initial_scale_ratio` times the median of those that do not.
+    ///
+    /// # Errors
+    /// An empty cloud; a position or config value that has no finite stored form.
+    pub fn from_cloud(cloud: &PointCloud, frame: &Frame, config: &ModelConfig) -> Result<Self> {
+        if cloud.is_empty() {
+            return Err(
+                Error::new("the cloud has no point to start a Gaussian from")
+                    .way_out("check the scene's point cloud file"),
+            );
+        }
+        if config.sh_degree > MAX_SH_DEGREE {
+            return Err(Error::usage(format!(
+                "model.sh_degree is {}, but at most {MAX_SH_DEGREE} is possible",
+                config.sh_degree
+            )));
+        }
+        let opacity_logit = (config.initial_opacity / (1.0 - config.initial_opacity)).ln() as f32;
+        if !opacity_logit.is_finite() {
+            return Err(Error::usage(format!(
+                "model.initial_opacity is {}, but must lie between 0 and 1",
+                config.initial_opacity
+            )));
+        }
+        let means: Vec<Vec3> = cloud
+            .positions
+            .iter()
+            .map(|p| frame.to_canonical(*p).as_vec3())
+            .collect();
+        if let Some(i) = means.iter().position(|m| !m.is_finite()) {
+            return Err(Error::new(format!(
+                "cloud point {i} at {} is out of reach of the sphere around {} of radius {}",
+                cloud.positions[i], frame.center, frame.radius
+            ))
+            .way_out("check that cloud and poses share one frame"));
+        }
+        let scales = initial_scales(&means, config.max_initial_scale_ratio);
+        let n_sh = n_sh(config.sh_degree);
+        let mut sh = vec![0.0; means.len() * n_sh * 3];
+        for (sh, rgb) in sh.chunks_exact_mut(n_sh * 3).zip(&cloud.colors) {
+            for (dc, value) in sh.iter_mut().zip(rgb) {
+                *dc = ((f64::from(*value) / 255.0 - 0.5) / SH_0) as f32;
+            }
+        }
+        Ok(Gaussians {
+            scales_log: scales.iter().map(|s| Vec3::splat(s.ln() as f32)).collect(),
+            rotations_wxyz: vec![[1.0, 0.0, 0.0, 0.0]; means.len()],
+            opacity_logits: vec![opacity_logit; means.len()],
+            sh,
+            sh_degree: config.sh_degree,
+            means,
+        })
+    }
+
+    /// Takes Gaussians from the frame that they are in to `frame`'s canonical one. Rotations
+    /// and SH are the same in both.
+    pub fn to_canonical(mut self, frame: &Frame) -> Gaussians {
+        let scale_log = frame.radius.ln();
+        self.means
+            .iter_mut()
+            .for_each(|m| *m = frame.to_canonical(m.as_dvec3()).as_vec3());
+        self.scales_log
+            .iter_mut()
+            .for_each(|s| *s = (s.as_dvec3() - DVec3::splat(scale_log)).as_vec3());
+        self
+    }
+}
+
+/// Spherical-harmonics coefficients a channel up to a degree.
+pub fn n_sh(sh_degree: u32) -> usize {
+    (sh_degree as usize + 1).pow(2)
+}
+
+/// Root mean square distance to the three nearest other points, bounded; one a mean.
+fn initial_scales(means: &[Vec3], max_ratio: f64) -> Vec<f64> {
+    let floor = MIN_SQUARED_DISTANCE.sqrt();
+    let mut scales: Vec<f64> = neighbor_distances(means)
+        .into_iter()
+        .map(|d| d.map_or(LONE_SCALE, f64::sqrt).max(floor))
+        .collect();
+    // Points that coincide say nothing about the spacing of the others.
+    let mut apart: Vec<f64> = scales.iter().copied().filter(|s| *s > floor).collect();
+    if !apart.is_empty() {
+        let middle = apart.len() / 2;
+        let median = *apart.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let ceiling = (max_ratio * median).max(floor);
+        scales.iter_mut().for_each(|s| *s = s.min(ceiling));
+    }
+    scales
+}
+
+/// Mean squared distance of every point to its three nearest others (fewer where there are not
+/// so many), or `None` for a point alone.
+///
+/// Points that coincide are one entry with a count in the tree: a search among many at one
+/// place would visit them all.
+fn neighbor_distances(points: &[Vec3]) -> Vec<Option<f64>> {
+    // Adding 0 makes -0 the same as 0.
+    let key = |i: &u32| points[*i as usize].to_array().map(|v| (v + 0.0).to_bits());
+    let mut order: Vec<u32> = (0..points.len() as u32).collect();
+    order.par_sort_unstable_by_key(|i| (key(i), *i));
+    let places: Vec<&[u32]> = order.chunk_by(|a, b| key(a) == key(b)).collect();
+    let position = |place: &[u32]| points[place[0] as usize].as_dvec3().to_array();
+    let tree = RTree::bulk_load(places.iter().map(|place| position(place)).collect());
+    let means: Vec<Option<f64>> = places
+        .par_iter()
+        .map(|place| {
+            let coincident = (place.len() - 1).min(3);
+            let others = tree
+                .nearest_neighbor_iter_with_distance_2(position(place))
+                .skip(1)
+                .take(3 - coincident);
+            let (sum, n) = others.fold((0.0, coincident), |(sum, n), (_, d)| (sum + d, n + 1));
+            (n > 0).then(|| sum / n as f64)
+        })
+        .collect();
+    let mut distances = vec![None; points.len()];
+    for (place, mean) in places.iter().zip(means) {
+        for i in *place {
+            distances[*i as usize] = mean;
+        }
+    }
+    distances
+}

@@ -1,0 +1,284 @@
+//! Gaussians on disk: the PLY layout of 3DGS, which viewers open.
+//!
+//! Binary little-endian float32, one row a Gaussian, in the scene's own frame:
+//! `x y z nx ny nz f_dc_0..2 f_rest_0..(3 (K - 1) - 1) opacity scale_0..2 rot_0..3` with
+//! `K = (sh_degree + 1)^2`; `f_rest_{c (K - 1) + k - 1}` is coefficient `k` of channel `c`,
+//! opacity a logit, scales logarithms, the rotation wxyz and as stored, the normals 0.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+use ply_rs::parser::Parser;
+use ply_rs::ply::{DefaultElement, ElementDef, Encoding, PropertyType, ScalarType};
+use rayon::prelude::*;
+
+use super::{Gaussians, MAX_SH_DEGREE, n_sh};
+use crate::camera::Frame;
+use crate::error::{Error, Result, read_file, write_file};
+
+/// A header is never longer: 62 properties take 2 KB.
+const MAX_HEADER: usize = 64 * 1024;
+
+/// Longer numbers in a header mean nothing, and overflow its parser.
+const MAX_DIGITS: usize = 15;
+
+/// Property names in the order of the layout.
+fn property_names(sh_degree: u32) -> Vec<String> {
+    let fixed = |names: &[&str]| names.iter().map(|n| n.to_string()).collect::<Vec<_>>();
+    let mut names = fixed(&[
+        "x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2",
+    ]);
+    names.extend((0..3 * (n_sh(sh_degree) - 1)).map(|i| format!("f_rest_{i}")));
+    names.extend(fixed(&[
+        "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
+    ]));
+    names
+}
+
+/// Writes Gaussians of the canonical `frame` in the scene's own frame.
+///
+/// # Errors
+/// What keeps the file from being written.
+pub fn write_ply(path: &Path, gaussians: &Gaussians, frame: &Frame) -> Result<()> {
+    let names = property_names(gaussians.sh_degree);
+    let mut header = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\n",
+        gaussians.len()
+    );
+    for name in &names {
+        // Writing to a String cannot fail.
+        let _ = writeln!(header, "property float {name}");
+    }
+    header.push_str("end_header\n");
+    let row_bytes = names.len() * 4;
+    let mut bytes = header.into_bytes();
+    let start = bytes.len();
+    bytes.resize(start + gaussians.len() * row_bytes, 0);
+    bytes[start..]
+        .par_chunks_exact_mut(row_bytes)
+        .enumerate()
+        .for_each_init(
+            || Vec::with_capacity(names.len()),
+            |row, (i, out)| {
+                row.clear();
+                push_row(gaussians, i, frame, row);
+                for (out, value) in out.chunks_exact_mut(4).zip(row) {
+                    out.copy_from_slice(&value.to_le_bytes());
+                }
+            },
+        );
+    write_file(path, &bytes)
+}
+
+/// Appends one Gaussian's properties in the order of the layout.
+fn push_row(gaussians: &Gaussians, i: usize, frame: &Frame, row: &mut Vec<f32>) {
+    let n_sh = gaussians.n_sh();
+    let sh = &gaussians.sh[i * n_sh * 3..][..n_sh * 3];
+    let mean = frame.to_world(gaussians.means[i].as_dvec3()).as_vec3();
+    let scale_log = gaussians.scales_log[i].as_dvec3() + DVec3::splat(frame.radius.ln());
+    row.extend(mean.to_array());
+    row.extend([0.0; 3]);
+    row.extend(&sh[..3]);
+    row.extend((0..3).flat_map(|c| (1..n_sh).map(move |k| sh[k * 3 + c])));
+    row.push(gaussians.opacity_logits[i]);
+    row.extend(scale_log.as_vec3().to_array());
+    row.extend(gaussians.rotations_wxyz[i]);
+}
+
+/// Reads Gaussians in the file's own frame; [`Gaussians::to_canonical`] takes them to another.
+///
+/// Properties may come in any order and beside others; values are taken as they are, finite or
+/// not. Memory is bounded by the file's size.
+///
+/// # Errors
+/// A file that is no such PLY, naming the header's line, the missing property, or the byte at
+/// which the data ends.
+pub fn read_ply(path: &Path) -> Result<Gaussians> {
+    let bytes = read_file(path)?;
+    parse(&bytes).map_err(|e| e.at_path(path))
+}
+
+fn parse(bytes: &[u8]) -> Result<Gaussians> {
+    let (element, start) = read_header(bytes)?;
+    let layout = Layout::new(&element)?;
+    let available = bytes.len() - start;
+    let needed = element.count.checked_mul(layout.row_bytes);
+    if needed.is_none_or(|needed| needed > available) {
+        return Err(Error::new(format!(
+            "the file ends at byte {}, within vertex {} of the {} that its header announces ({} bytes each)",
+            bytes.len(),
+            available / layout.row_bytes,
+            element.count,
+            layout.row_bytes
+        ))
+        .way_out("the file is truncated; write or copy it again"));
+    }
+    let n = element.count;
+    let n_sh = n_sh(layout.sh_degree);
+    let mut gaussians = Gaussians {
+        means: Vec::with_capacity(n),
+        scales_log: Vec::with_capacity(n),
+        rotations_wxyz: Vec::with_capacity(n),
+        opacity_logits: Vec::with_capacity(n),
+        sh: Vec::with_capacity(n * n_sh * 3),
+        sh_degree: layout.sh_degree,
+    };
+    for row in bytes[start..].chunks_exact(layout.row_bytes).take(n) {
+        let float = |offset: usize| {
+            let at = |i| row[offset + i];
+            f32::from_le_bytes([at(0), at(1), at(2), at(3)])
+        };
+        gaussians
+            .means
+            .push(Vec3::from_array(layout.mean.map(float)));
+        gaussians
+            .scales_log
+            .push(Vec3::from_array(layout.scale.map(float)));
+        gaussians.rotations_wxyz.push(layout.rotation.map(float));
+        gaussians.opacity_logits.push(float(layout.opacity));
+        gaussians.sh.extend(layout.sh.iter().map(|o| float(*o)));
+    }
+    Ok(gaussians)
+}
+
+/// The vertex element, and the byte at which its rows start.
+fn read_header(bytes: &[u8]) -> Result<(ElementDef, usize)> {
+    let way_out = "expected a 3DGS point_cloud.ply: binary little-endian, vertices first";
+    let text = &bytes[..bytes.len().min(MAX_HEADER)];
+    if !text.starts_with(b"ply") {
+        return Err(Error::new("not a PLY file").way_out(way_out));
+    }
+    // Only whole lines before the first `end_header` are parsed, and no number that overflows.
+    let mut start = 0;
+    let mut ended = false;
+    for (i, line) in text.split_inclusive(|b| *b == b'\n').enumerate() {
+        let is_comment = line.starts_with(b"comment") || line.starts_with(b"obj_info");
+        let too_long =
+            |run: &[u8]| run.first().is_some_and(u8::is_ascii_digit) && run.len() > MAX_DIGITS;
+        if !is_comment
+            && line
+                .chunk_by(|a, b| a.is_ascii_digit() == b.is_ascii_digit())
+                .any(too_long)
+        {
+            return Err(Error::new("a number has too many digits").at(format!("line {}", i + 1)));
+        }
+        start += line.len();
+        if line.trim_ascii() == b"end_header" && line.ends_with(b"\n") {
+            ended = true;
+            break;
+        }
+    }
+    if !ended {
+        return Err(Error::new(format!(
+            "the PLY header has no end_header within {} bytes",
+            text.len()
+        ))
+        .way_out(way_out));
+    }
+    let header = Parser::<DefaultElement>::new()
+        .read_header(&mut &text[..start])
+        .map_err(|e| {
+            // The library's message runs over several lines; ours take one.
+            let message = e.to_string().replace(['\n', '\t'], " ");
+            Error::new(format!("the PLY header cannot be parsed: {message}")).way_out(way_out)
+        })?;
+    if header.encoding != Encoding::BinaryLittleEndian {
+        return Err(
+            Error::new(format!("the PLY encoding is {}", header.encoding)).way_out(way_out),
+        );
+    }
+    // The library keeps only the last of equally named entries, which would shift the rows.
+    let declared = |keyword: &[u8]| {
+        text[..start]
+            .split(|b| *b == b'\n')
+            .filter(|line| line.split(u8::is_ascii_whitespace).next() == Some(keyword))
+            .count()
+    };
+    let n_properties: usize = header.elements.values().map(|e| e.properties.len()).sum();
+    if declared(b"element") != header.elements.len() || declared(b"property") != n_properties {
+        return Err(Error::new("the PLY header declares a name twice").way_out(way_out));
+    }
+    match header.elements.into_iter().next() {
+        Some((name, element)) if name == "vertex" => Ok((element, start)),
+        _ => Err(Error::new("the PLY file's first element is not `vertex`").way_out(way_out)),
+    }
+}
+
+/// Byte offsets of the properties within a row.
+struct Layout {
+    row_bytes: usize,
+    mean: [usize; 3],
+    scale: [usize; 3],
+    rotation: [usize; 4],
+    opacity: usize,
+    /// In the order `[k][c]`.
+    sh: Vec<usize>,
+    sh_degree: u32,
+}
+
+impl Layout {
+    fn new(element: &ElementDef) -> Result<Layout> {
+        let mut row_bytes = 0;
+        let mut properties = Vec::with_capacity(element.properties.len());
+        for (name, property) in &element.properties {
+            let PropertyType::Scalar(scalar) = &property.data_type else {
+                return Err(Error::new(format!(
+                    "vertex property `{name}` is a list, which no Gaussian has"
+                )));
+            };
+            properties.push((name.as_str(), scalar, row_bytes));
+            row_bytes += match scalar {
+                ScalarType::Char | ScalarType::UChar => 1,
+                ScalarType::Short | ScalarType::UShort => 2,
+                ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+                ScalarType::Double => 8,
+            };
+        }
+        let offset = |name: &str| match properties.iter().find(|p| p.0 == name) {
+            Some((_, ScalarType::Float, offset)) => Ok(*offset),
+            Some((_, scalar, _)) => Err(Error::new(format!(
+                "vertex property `{name}` is {scalar:?}, but must be float"
+            ))),
+            None => Err(
+                Error::new(format!("the vertices have no property `{name}`"))
+                    .way_out("a point cloud is no Gaussians; give the point_cloud.ply of a run"),
+            ),
+        };
+        let n_rest = properties
+            .iter()
+            .filter(|p| p.0.starts_with("f_rest_"))
+            .count();
+        let sh_degree = (0..=MAX_SH_DEGREE)
+            .find(|degree| 3 * (n_sh(*degree) - 1) == n_rest)
+            .ok_or_else(|| {
+                Error::new(format!(
+                    "{n_rest} f_rest properties fit no SH degree; 0, 9, 24 or 45 do"
+                ))
+            })?;
+        let n_higher = n_sh(sh_degree) - 1;
+        let mut sh = Vec::with_capacity(3 * (n_higher + 1));
+        for c in 0..3 {
+            sh.push(offset(&format!("f_dc_{c}"))?);
+        }
+        for k in 0..n_higher {
+            for c in 0..3 {
+                sh.push(offset(&format!("f_rest_{}", c * n_higher + k))?);
+            }
+        }
+        Ok(Layout {
+            row_bytes,
+            mean: [offset("x")?, offset("y")?, offset("z")?],
+            scale: [offset("scale_0")?, offset("scale_1")?, offset("scale_2")?],
+            rotation: [
+                offset("rot_0")?,
+                offset("rot_1")?,
+                offset("rot_2")?,
+                offset("rot_3")?,
+            ],
+            opacity: offset("opacity")?,
+            sh,
+            sh_degree,
+        })
+    }
+}
