@@ -19,4 +19,5 @@ pub mod gpu;
 pub mod render;
 pub mod scene;
 pub mod splat;
+pub mod train;
 pub mod views;

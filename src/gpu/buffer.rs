@@ -40,7 +40,12 @@ impl Buffer {
                 .way_out("use fewer Gaussians (`--max-points`) or smaller images (`--max-size`)")
             })?;
         let usage = wgpu::BufferUsages::STORAGE;
-        Ok(Self::create(gpu, label, bytes.max(16).next_multiple_of(4), usage))
+        Ok(Self::create(
+            gpu,
+            label,
+            bytes.max(16).next_multiple_of(4),
+            usage,
+        ))
     }
 
     /// A storage buffer that holds `data`.
@@ -52,7 +57,12 @@ impl Buffer {
 
     /// A uniform buffer for one `T`.
     pub fn uniform<T: Pod>(gpu: &Gpu, label: &str) -> Buffer {
-        Self::create(gpu, label, size_of::<T>() as u64, wgpu::BufferUsages::UNIFORM)
+        Self::create(
+            gpu,
+            label,
+            size_of::<T>() as u64,
+            wgpu::BufferUsages::UNIFORM,
+        )
     }
 
     /// A uniform buffer that holds `value`.
@@ -71,7 +81,11 @@ impl Buffer {
         });
         let now = gpu.allocated.fetch_add(bytes, Ordering::Relaxed) + bytes;
         gpu.peak.fetch_max(now, Ordering::Relaxed);
-        Buffer { raw, bytes, allocated: Arc::clone(&gpu.allocated) }
+        Buffer {
+            raw,
+            bytes,
+            allocated: Arc::clone(&gpu.allocated),
+        }
     }
 
     pub fn bytes(&self) -> u64 {
@@ -80,7 +94,8 @@ impl Buffer {
 
     /// Queues a write of `data` to the buffer's start, before the next submission.
     pub fn write<T: Pod>(&self, gpu: &Gpu, data: &[T]) {
-        gpu.queue.write_buffer(&self.raw, 0, bytemuck::cast_slice(data));
+        gpu.queue
+            .write_buffer(&self.raw, 0, bytemuck::cast_slice(data));
     }
 
     /// Waits for the GPU and reads the first `len` values of `T`.
@@ -107,7 +122,10 @@ impl Buffer {
         let unreadable = |e: &dyn std::fmt::Display| {
             Error::new(format!("cannot read a buffer back: {e}")).at(&gpu.info.name)
         };
-        receiver.recv().map_err(|e| unreadable(&e))?.map_err(|e| unreadable(&e))?;
+        receiver
+            .recv()
+            .map_err(|e| unreadable(&e))?
+            .map_err(|e| unreadable(&e))?;
         let view = staging.get_mapped_range(..).map_err(|e| unreadable(&e))?;
         let mut values = vec![T::zeroed(); len];
         bytemuck::cast_slice_mut::<T, u8>(&mut values).copy_from_slice(&view[..bytes as usize]);

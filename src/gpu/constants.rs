@@ -99,15 +99,28 @@ pub fn prelude() -> String {
         let _ = writeln!(out, "const {name} = f32({value:e});");
     }
     let window = ssim_window();
-    let _ = writeln!(out, "const WINDOW = array<f32, {SSIM_WINDOW}>({});", list(&window));
+    let _ = writeln!(
+        out,
+        "const WINDOW = array<f32, {SSIM_WINDOW}>({});",
+        list(&window)
+    );
     let mut padded = vec![0.0; SSIM_WINDOW + 2 * (SSIM_ROWS as usize - 1)];
     padded[SSIM_ROWS as usize - 1..][..SSIM_WINDOW].copy_from_slice(&window);
-    let _ = writeln!(out, "const WINDOW_PADDED = array<f32, {}>({});", padded.len(), list(&padded));
+    let _ = writeln!(
+        out,
+        "const WINDOW_PADDED = array<f32, {}>({});",
+        padded.len(),
+        list(&padded)
+    );
     out
 }
 
 fn list(values: &[f64]) -> String {
-    values.iter().map(|v| format!("{v:e}")).collect::<Vec<_>>().join(", ")
+    values
+        .iter()
+        .map(|v| format!("{v:e}"))
+        .collect::<Vec<_>>()
+        .join(", ")
 }
 
 /// Minimax polynomial of `2^f` on `[0, 1)` with constant term 1: coefficients of `f` to `f^6`,

@@ -38,16 +38,13 @@ impl Gpu {
         let info = adapter.get_info();
         let limits = adapter.limits();
         let wanted = wgpu::Features::TIMESTAMP_QUERY;
-        let (device, queue) =
-            pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
-                label: Some("gspotential"),
-                required_features: adapter.features() & wanted,
-                required_limits: limits.clone(),
-                ..Default::default()
-            }))
-            .map_err(|e| {
-                Error::new(format!("the driver refused the device: {e}")).at(&info.name)
-            })?;
+        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("gspotential"),
+            required_features: adapter.features() & wanted,
+            required_limits: limits.clone(),
+            ..Default::default()
+        }))
+        .map_err(|e| Error::new(format!("the driver refused the device: {e}")).at(&info.name))?;
         let faults = Arc::new(Mutex::new(None));
         let sink = Arc::clone(&faults);
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
@@ -68,13 +65,20 @@ impl Gpu {
 
     /// The adapter's name, driver and kind, for logs and reports.
     pub fn describe(&self) -> String {
-        let wgpu::AdapterInfo { name, driver_info, backend, .. } = &self.info;
+        let wgpu::AdapterInfo {
+            name,
+            driver_info,
+            backend,
+            ..
+        } = &self.info;
         format!("{name}, {driver_info}, {backend}")
     }
 
     /// Largest buffer that a kernel can bind, bytes.
     pub fn max_binding(&self) -> u64 {
-        self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size)
+        self.limits
+            .max_storage_buffer_binding_size
+            .min(self.limits.max_buffer_size)
     }
 
     /// Most bytes that this program's buffers have held at one time.

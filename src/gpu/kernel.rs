@@ -37,7 +37,9 @@ impl Kernel {
         let mut bindings = Vec::new();
         let mut entries = Vec::new();
         for (handle, variable) in module.global_variables.iter() {
-            let Some(binding) = &variable.binding else { continue };
+            let Some(binding) = &variable.binding else {
+                continue;
+            };
             if uses[handle].is_empty() {
                 continue;
             }
@@ -51,33 +53,50 @@ impl Kernel {
             entries.push(wgpu::BindGroupLayoutEntry {
                 binding: binding.binding,
                 visibility: wgpu::ShaderStages::COMPUTE,
-                ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+                ty: wgpu::BindingType::Buffer {
+                    ty,
+                    has_dynamic_offset: false,
+                    min_binding_size: None,
+                },
                 count: None,
             });
             bindings.push((variable.name.clone().unwrap_or_default(), binding.binding));
         }
-        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some(entry),
-            entries: &entries,
-        });
-        let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(entry),
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
-        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(stage),
-            source: wgpu::ShaderSource::Wgsl(source.into()),
-        });
-        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(entry),
-            layout: Some(&pipeline_layout),
-            module: &module,
-            entry_point: Some(entry),
-            compilation_options: Default::default(),
-            cache: None,
-        });
-        Kernel { name: entry, pipeline, layout, bindings }
+        let layout = gpu
+            .device
+            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: Some(entry),
+                entries: &entries,
+            });
+        let pipeline_layout = gpu
+            .device
+            .create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some(entry),
+                bind_group_layouts: &[Some(&layout)],
+                immediate_size: 0,
+            });
+        let module = gpu
+            .device
+            .create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(stage),
+                source: wgpu::ShaderSource::Wgsl(source.into()),
+            });
+        let pipeline = gpu
+            .device
+            .create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(entry),
+                layout: Some(&pipeline_layout),
+                module: &module,
+                entry_point: Some(entry),
+                compilation_options: Default::default(),
+                cache: None,
+            });
+        Kernel {
+            name: entry,
+            pipeline,
+            layout,
+            bindings,
+        }
     }
 
     /// Binds buffers by the names of the shader's variables; names that this entry point does not
@@ -91,9 +110,12 @@ impl Kernel {
             .iter()
             .map(|(name, binding)| {
                 let buffer = buffers.iter().find(|(n, _)| n == name);
-                let (_, buffer) = buffer
-                    .unwrap_or_else(|| panic!("{}: nothing bound to `{name}`", self.name));
-                wgpu::BindGroupEntry { binding: *binding, resource: buffer.raw.as_entire_binding() }
+                let (_, buffer) =
+                    buffer.unwrap_or_else(|| panic!("{}: nothing bound to `{name}`", self.name));
+                wgpu::BindGroupEntry {
+                    binding: *binding,
+                    resource: buffer.raw.as_entire_binding(),
+                }
             })
             .collect();
         gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
@@ -112,7 +134,10 @@ pub struct Commands<'a> {
 
 impl<'a> Commands<'a> {
     pub fn new(gpu: &'a Gpu) -> Commands<'a> {
-        Commands { gpu, encoder: gpu.device.create_command_encoder(&Default::default()) }
+        Commands {
+            gpu,
+            encoder: gpu.device.create_command_encoder(&Default::default()),
+        }
     }
 
     /// Dispatches at least `n_threads` threads, folded into two dimensions.
@@ -121,11 +146,16 @@ impl<'a> Commands<'a> {
         if n_groups == 0 {
             return;
         }
-        let (x, y) = fold(n_groups, self.gpu.limits.max_compute_workgroups_per_dimension);
-        let mut pass = self.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some(kernel.name),
-            timestamp_writes: None,
-        });
+        let (x, y) = fold(
+            n_groups,
+            self.gpu.limits.max_compute_workgroups_per_dimension,
+        );
+        let mut pass = self
+            .encoder
+            .begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: Some(kernel.name),
+                timestamp_writes: None,
+            });
         pass.set_pipeline(&kernel.pipeline);
         pass.set_bind_group(0, group, &[]);
         pass.dispatch_workgroups(x, y, 1);
@@ -138,7 +168,8 @@ impl<'a> Commands<'a> {
 
     /// Copies `bytes` bytes between buffers' starts.
     pub fn copy(&mut self, from: &Buffer, to: &Buffer, bytes: u64) {
-        self.encoder.copy_buffer_to_buffer(&from.raw, 0, &to.raw, 0, bytes);
+        self.encoder
+            .copy_buffer_to_buffer(&from.raw, 0, &to.raw, 0, bytes);
     }
 
     pub fn submit(self) {

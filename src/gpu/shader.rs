@@ -52,5 +52,7 @@ pub fn compose(stage: &str) -> String {
 
 fn lookup(sources: &[(&str, &'static str)], name: &str) -> &'static str {
     let found = sources.iter().find(|(n, _)| *n == name);
-    found.unwrap_or_else(|| panic!("no shader source named {name}")).1
+    found
+        .unwrap_or_else(|| panic!("no shader source named {name}"))
+        .1
 }

@@ -24,7 +24,11 @@ impl Model {
     /// All zero, with room for `stride` Gaussians.
     pub fn zeros(gpu: &Gpu, n: usize, stride: usize, sh_degree: u32) -> Result<Model> {
         let block = |i: usize, label: &str| {
-            let planes = if i < n_blocks(sh_degree) { BLOCK_PLANES[i] } else { 0 };
+            let planes = if i < n_blocks(sh_degree) {
+                BLOCK_PLANES[i]
+            } else {
+                0
+            };
             Buffer::storage::<[f32; 4]>(gpu, label, planes * stride)
         };
         Ok(Model {
@@ -60,7 +64,12 @@ impl Model {
             let mut planes = vec![[0.0_f32; 4]; BLOCK_PLANES[block] * stride];
             for i in 0..n {
                 let sh = &gaussians.sh[i * n_sh..][..n_sh];
-                for (f, &value) in sh.iter().enumerate().skip(first).take(4 * BLOCK_PLANES[block]) {
+                for (f, &value) in sh
+                    .iter()
+                    .enumerate()
+                    .skip(first)
+                    .take(4 * BLOCK_PLANES[block])
+                {
                     planes[(f - first) / 4 * stride + i][(f - first) % 4] = value;
                 }
             }

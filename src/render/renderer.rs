@@ -26,7 +26,11 @@ pub struct Renderer<'a> {
 
 impl<'a> Renderer<'a> {
     pub fn new(gpu: &'a Gpu, kernels: &'a Kernels) -> Renderer<'a> {
-        Renderer { gpu, kernels, workspace: None }
+        Renderer {
+            gpu,
+            kernels,
+            workspace: None,
+        }
     }
 
     /// Renders `view` with SH up to the model's degree.
@@ -45,8 +49,15 @@ impl<'a> Renderer<'a> {
             };
             let bound = Bound::new(self.gpu, self.kernels, &workspace, model);
             let at = (model.sh_degree, 1);
-            let pass =
-                Pass::new(self.gpu, self.kernels, &workspace, &bound, model, (0, *view), at);
+            let pass = Pass::new(
+                self.gpu,
+                self.kernels,
+                &workspace,
+                &bound,
+                model,
+                (0, *view),
+                at,
+            );
             let mut commands = Commands::new(self.gpu);
             commands.clear(&workspace.totals);
             pass.forward(&mut commands);
@@ -58,8 +69,10 @@ impl<'a> Renderer<'a> {
                 return Ok(image);
             }
             if totals.pairs == u32::MAX as usize {
-                return Err(Error::new("a view has more than 2^32 (tile, Gaussian) pairs")
-                    .way_out("the Gaussians are too large for this view; render it smaller"));
+                return Err(
+                    Error::new("a view has more than 2^32 (tile, Gaussian) pairs")
+                        .way_out("the Gaussians are too large for this view; render it smaller"),
+                );
             }
             needed.pairs = totals.pairs.next_multiple_of(1024);
             self.workspace = Some(workspace);
@@ -81,5 +94,10 @@ pub fn read_rendered(gpu: &Gpu, rendered: &Buffer, view: &ViewUniform) -> Result
             alpha.push(1.0 - values[3 * plane + i]);
         }
     }
-    Ok(Rendered { width: view.size[0], height: view.size[1], rgb, alpha })
+    Ok(Rendered {
+        width: view.size[0],
+        height: view.size[1],
+        rgb,
+        alpha,
+    })
 }

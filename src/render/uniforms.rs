@@ -27,7 +27,12 @@ impl ViewUniform {
     pub fn new(camera: &Camera, near: f64, background: [f64; 3]) -> ViewUniform {
         let row = |i: usize| {
             let r = camera.rotation.row(i);
-            [r.x as f32, r.y as f32, r.z as f32, camera.translation[i] as f32]
+            [
+                r.x as f32,
+                r.y as f32,
+                r.z as f32,
+                camera.translation[i] as f32,
+            ]
         };
         let center = camera.center();
         let (w, h) = (f64::from(camera.width), f64::from(camera.height));
@@ -38,7 +43,12 @@ impl ViewUniform {
             w2c_x: row(0),
             w2c_y: row(1),
             w2c_z: row(2),
-            center_near: [center.x as f32, center.y as f32, center.z as f32, near as f32],
+            center_near: [
+                center.x as f32,
+                center.y as f32,
+                center.z as f32,
+                near as f32,
+            ],
             intrinsics: [camera.fx, camera.fy, camera.cx, camera.cy].map(|v| v as f32),
             ratio_bounds: [
                 low(camera.cx, w, camera.fx),
@@ -46,7 +56,12 @@ impl ViewUniform {
                 low(camera.cy, h, camera.fy),
                 high(camera.cy, h, camera.fy),
             ],
-            background: [background[0] as f32, background[1] as f32, background[2] as f32, 0.0],
+            background: [
+                background[0] as f32,
+                background[1] as f32,
+                background[2] as f32,
+                0.0,
+            ],
             size: [
                 camera.width,
                 camera.height,
@@ -74,13 +89,20 @@ impl ViewUniform {
 
     /// Pixels of four a row of the padded image, and its rows.
     pub fn padded_size(&self) -> (usize, usize) {
-        (self.planes[1] as usize, (self.planes[0] / self.planes[1]) as usize)
+        (
+            self.planes[1] as usize,
+            (self.planes[0] / self.planes[1]) as usize,
+        )
     }
 }
 
 /// Vectors of four pixels a row and rows of the padded image: whole tiles and whole SSIM strips.
 fn padded(width: u32, height: u32) -> (u32, u32) {
-    let rows = if TILE_H % SSIM_ROWS == 0 { TILE_H } else { TILE_H * SSIM_ROWS };
+    let rows = if TILE_H % SSIM_ROWS == 0 {
+        TILE_H
+    } else {
+        TILE_H * SSIM_ROWS
+    };
     (width.div_ceil(4), height.next_multiple_of(rows))
 }
 
@@ -100,14 +122,18 @@ pub struct LossUniform {
 
 impl LossUniform {
     /// `weight ((1 - ssim_weight) L1 + ssim_weight (1 - SSIM))`, means over `n_valid` pixels.
-    pub fn new(weight: f64, ssim_weight: f64, n_valid: usize, masked: bool, slot: u32) -> Self {
-        let mean_scale = if n_valid == 0 { 0.0 } else { 1.0 / (3.0 * n_valid as f64) };
+    pub fn new(weight: f64, ssim_weight: f64, n_valid: usize, masked: bool) -> Self {
+        let mean_scale = if n_valid == 0 {
+            0.0
+        } else {
+            1.0 / (3.0 * n_valid as f64)
+        };
         LossUniform {
             l1_scale: (weight * (1.0 - ssim_weight) * mean_scale) as f32,
             ssim_scale: (weight * ssim_weight * mean_scale) as f32,
             masked: u32::from(masked),
             mean_scale: mean_scale as f32,
-            slot,
+            slot: 0,
             n_partials: 0,
             pad_0: 0,
             pad_1: 0,

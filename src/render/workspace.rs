@@ -4,7 +4,7 @@ use super::model::Model;
 use super::uniforms::{LossUniform, ScanUniform, ViewUniform};
 use crate::error::Result;
 use crate::gpu::constants::{
-    N_TOTALS, SCAN_CHUNK, SSIM_ROWS, TOTAL_OVERFLOW, TOTAL_PAIRS, TOTAL_SLOTS, WORKGROUP,
+    N_TOTALS, SCAN_CHUNK, SSIM_ROWS, TOTAL_MAX, TOTAL_OVERFLOW, TOTAL_PAIRS, TOTAL_SLOTS, WORKGROUP,
 };
 use crate::gpu::{Buffer, Commands, Gpu, Kernel};
 
@@ -120,7 +120,7 @@ struct Slot {
 
 /// What only training needs.
 pub struct Backward {
-    pub goal: Buffer,
+    goal: [Buffer; 2],
     moments: Buffer,
     derivatives: Buffer,
     pub d_rendered: Buffer,
@@ -142,15 +142,27 @@ impl Workspace {
     /// # Errors
     /// A buffer that the adapter cannot bind.
     pub fn new(gpu: &Gpu, capacity: Capacity, training: bool) -> Result<Workspace> {
-        let Capacity { stride, pairs, tiles, plane, .. } = capacity;
-        let n_blocks = stride.max(tiles).div_ceil((SCAN_CHUNK * WORKGROUP) as usize);
+        let Capacity {
+            stride,
+            pairs,
+            tiles,
+            plane,
+            ..
+        } = capacity;
+        let n_blocks = stride
+            .max(tiles)
+            .div_ceil((SCAN_CHUNK * WORKGROUP) as usize);
         let slot = || Slot {
             view: Buffer::uniform::<ViewUniform>(gpu, "view"),
             loss: Buffer::uniform::<LossUniform>(gpu, "loss"),
             scan_pairs: Buffer::uniform::<ScanUniform>(gpu, "scan of pairs"),
             scan_tiles: Buffer::uniform::<ScanUniform>(gpu, "scan of tiles"),
         };
-        let backward = if training { Some(Backward::new(gpu, capacity)?) } else { None };
+        let backward = if training {
+            Some(Backward::new(gpu, capacity)?)
+        } else {
+            None
+        };
         Ok(Workspace {
             capacity,
             slots: [slot(), slot()],
@@ -168,6 +180,22 @@ impl Workspace {
             last_blended: Buffer::storage::<[u32; 4]>(gpu, "last_blended", plane)?,
             backward,
         })
+    }
+
+    /// Sets what a slot's render is compared with, RGBA8.
+    pub fn set_goal(&self, gpu: &Gpu, slot: usize, goal: &[u32]) {
+        if let Some(backward) = &self.backward {
+            backward.goal[slot].write(gpu, goal);
+        }
+    }
+
+    /// Per view of the last step: mean L1, mean SSIM.
+    pub fn read_losses(&self, gpu: &Gpu) -> Result<Vec<[f64; 2]>> {
+        let Some(backward) = &self.backward else {
+            return Ok(Vec::new());
+        };
+        let losses: Vec<[f32; 2]> = backward.losses.read(gpu, 2)?;
+        Ok(losses.into_iter().map(|pair| pair.map(f64::from)).collect())
     }
 
     /// Every buffer under its name in the shaders.
@@ -192,7 +220,7 @@ impl Workspace {
         ];
         if let Some(b) = &self.backward {
             names.extend([
-                ("goal", &b.goal),
+                ("goal", &b.goal[slot]),
                 ("moments", &b.moments),
                 ("derivatives", &b.derivatives),
                 ("d_rendered", &b.d_rendered),
@@ -213,10 +241,19 @@ impl Workspace {
 
 impl Backward {
     fn new(gpu: &Gpu, capacity: Capacity) -> Result<Backward> {
-        let Capacity { stride, pairs, pixels, plane, .. } = capacity;
+        let Capacity {
+            stride,
+            pairs,
+            pixels,
+            plane,
+            ..
+        } = capacity;
         let n_partials = n_partials(plane);
         Ok(Backward {
-            goal: Buffer::storage::<u32>(gpu, "goal", pixels)?,
+            goal: [
+                Buffer::storage::<u32>(gpu, "goal 0", pixels)?,
+                Buffer::storage::<u32>(gpu, "goal 1", pixels)?,
+            ],
             moments: Buffer::storage::<[f32; 4]>(gpu, "moments", 16 * plane)?,
             derivatives: Buffer::storage::<[f32; 4]>(gpu, "derivatives", 9 * plane)?,
             d_rendered: Buffer::storage::<[f32; 4]>(gpu, "d_rendered", 4 * plane)?,
@@ -263,7 +300,9 @@ struct BackwardGroups {
 
 impl Bound {
     pub fn new(gpu: &Gpu, kernels: &Kernels, workspace: &Workspace, model: &Model) -> Bound {
-        Bound { slots: [0, 1].map(|slot| Groups::new(gpu, kernels, workspace, model, slot)) }
+        Bound {
+            slots: [0, 1].map(|slot| Groups::new(gpu, kernels, workspace, model, slot)),
+        }
     }
 }
 
@@ -276,8 +315,12 @@ impl Groups {
             kernel.bind(gpu, &all)
         };
         let scan = |uniform, counts| {
-            [&kernels.scan_reduce, &kernels.scan_blocks, &kernels.scan_spread]
-                .map(|kernel| with(&[("scan", uniform), ("counts", counts)], kernel))
+            [
+                &kernels.scan_reduce,
+                &kernels.scan_blocks,
+                &kernels.scan_spread,
+            ]
+            .map(|kernel| with(&[("scan", uniform), ("counts", counts)], kernel))
         };
         Groups {
             project: with(&[], &kernels.project),
@@ -325,15 +368,36 @@ impl<'a> Pass<'a> {
         view.planes[2] = slot as u32;
         let uniforms = &workspace.slots[slot];
         uniforms.view.write(gpu, &[view]);
-        let scan = |n, total, capacity| ScanUniform { n, total, capacity, step };
-        uniforms.scan_pairs.write(gpu, &[scan(n, TOTAL_PAIRS, pairs)]);
-        uniforms.scan_tiles.write(gpu, &[scan(view.n_tiles() as u32, TOTAL_SLOTS, 0)]);
-        Pass { gpu, kernels, workspace, bound, slot, view }
+        let scan = |n, total, capacity| ScanUniform {
+            n,
+            total,
+            capacity,
+            step,
+        };
+        uniforms
+            .scan_pairs
+            .write(gpu, &[scan(n, TOTAL_PAIRS, pairs)]);
+        uniforms
+            .scan_tiles
+            .write(gpu, &[scan(view.n_tiles() as u32, TOTAL_SLOTS, 0)]);
+        Pass {
+            gpu,
+            kernels,
+            workspace,
+            bound,
+            slot,
+            view,
+        }
     }
 
     /// Renders into `workspace.rendered`.
     pub fn forward(&self, commands: &mut Commands<'_>) {
-        let Pass { kernels, workspace, view, .. } = self;
+        let Pass {
+            kernels,
+            workspace,
+            view,
+            ..
+        } = self;
         let groups = &self.bound.slots[self.slot];
         let n = u64::from(view.counts[0]);
         let n_tiles = view.n_tiles() as u64;
@@ -353,15 +417,22 @@ impl<'a> Pass<'a> {
 
     /// The image loss of `workspace.rendered` against `goal`, and its gradient in `d_rendered`.
     pub fn loss(&self, commands: &mut Commands<'_>, mut loss: LossUniform) {
-        let Some(groups) = &self.bound.slots[self.slot].backward else { return };
+        let Some(groups) = &self.bound.slots[self.slot].backward else {
+            return;
+        };
         let kernels = self.kernels;
         let (width_4, _) = self.view.padded_size();
         let rows = u64::from(self.view.size[1]) * width_4 as u64;
         let strips = n_partials(self.view.plane_len());
         loss.n_partials = strips as u32;
         loss.slot = self.slot as u32;
-        self.workspace.slots[self.slot].loss.write(self.gpu, &[loss]);
-        for (i, n) in [rows, strips as u64, rows, strips as u64].into_iter().enumerate() {
+        self.workspace.slots[self.slot]
+            .loss
+            .write(self.gpu, &[loss]);
+        for (i, n) in [rows, strips as u64, rows, strips as u64]
+            .into_iter()
+            .enumerate()
+        {
             commands.dispatch(&kernels.ssim[i], &groups.ssim[i], n);
         }
         let threads = (strips as u64).div_ceil(u64::from(SCAN_CHUNK));
@@ -371,7 +442,9 @@ impl<'a> Pass<'a> {
 
     /// Carries `d_rendered` back to `d_geometry` and `d_color`.
     pub fn backward(&self, commands: &mut Commands<'_>) {
-        let Some(groups) = &self.bound.slots[self.slot].backward else { return };
+        let Some(groups) = &self.bound.slots[self.slot].backward else {
+            return;
+        };
         let n_tiles = self.view.n_tiles() as u64;
         let n = u64::from(self.view.counts[0]);
         commands.dispatch(&self.kernels.rasterize_backward, &groups.rasterize, n_tiles);
@@ -379,18 +452,23 @@ impl<'a> Pass<'a> {
     }
 }
 
-/// Reads the totals: pairs of the last view, and the first step whose pairs did not fit (0: none).
+/// Reads the counts that the GPU keeps.
 pub fn read_totals(gpu: &Gpu, workspace: &Workspace) -> Result<Totals> {
     let totals: Vec<u32> = workspace.totals.read(gpu, N_TOTALS as usize)?;
     Ok(Totals {
         pairs: totals[TOTAL_PAIRS as usize] as usize,
+        max: totals[TOTAL_MAX as usize] as usize,
         overflow_step: totals[TOTAL_OVERFLOW as usize],
     })
 }
 
-/// Counts that the GPU keeps.
+/// Counts of (tile, Gaussian) pairs.
 #[derive(Clone, Copy, Debug)]
 pub struct Totals {
+    /// Pairs of the last view.
     pub pairs: usize,
+    /// Most pairs of any view since the workspace was made.
+    pub max: usize,
+    /// Number of the first step whose pairs did not fit; 0: none.
     pub overflow_step: u32,
 }

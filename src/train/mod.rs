@@ -1,0 +1,11 @@
+//! Training: one real and one virtual view an iteration, Adam, densification.
+//!
+//! [`schedule`] says what an iteration does, [`optimizer`] steps the parameters on the GPU,
+//! [`policy`] decides on the CPU which Gaussians come and go, [`trainer`] runs the loop.
+
+pub mod optimizer;
+pub mod policy;
+pub mod schedule;
+pub mod trainer;
+
+pub use trainer::{LossSample, Observer, Supervision, Trained, TrainingView, train};

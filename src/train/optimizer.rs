@@ -1,0 +1,263 @@
+//! Adam on the GPU, and the changes of the set of Gaussians between steps.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::policy::{Gathered, Plan};
+use super::schedule;
+use crate::config::Config;
+use crate::error::Result;
+use crate::gpu::{Buffer, Commands, Gpu, Kernel};
+use crate::render::{BLOCK_PLANES, Model, Workspace, n_blocks};
+
+/// The kernels of this stage.
+pub struct OptimizerKernels {
+    adam_geometry: Kernel,
+    adam_sh: Kernel,
+    rearrange: Kernel,
+    reset_opacity: Kernel,
+}
+
+impl OptimizerKernels {
+    pub fn new(gpu: &Gpu) -> OptimizerKernels {
+        OptimizerKernels {
+            adam_geometry: Kernel::new(gpu, "adam", "adam_geometry"),
+            adam_sh: Kernel::new(gpu, "adam", "adam_sh"),
+            rearrange: Kernel::new(gpu, "rearrange", "rearrange_planes"),
+            reset_opacity: Kernel::new(gpu, "reset_opacity", "reset_opacity"),
+        }
+    }
+}
+
+/// One Adam step; `Step` in `adam.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct StepUniform {
+    pub centers: [[f32; 4]; 2],
+    pub rates: [[f32; 4]; 4],
+    pub betas: [f32; 4],
+    pub corrections: [f32; 4],
+    pub counts: [u32; 4],
+}
+
+impl StepUniform {
+    /// The step after `iteration` steps. `centers` are the optical centres of its views.
+    pub fn new(config: &Config, iteration: u32, extent: f64, centers: &[[f32; 3]]) -> StepUniform {
+        let o = &config.optimizer;
+        let mean = schedule::mean_rate(o, iteration, config.iterations, extent) as f32;
+        let (scale, rotation) = (o.scale_lr as f32, o.rotation_lr as f32);
+        let t = f64::from(iteration) + 1.0;
+        let mut step = StepUniform {
+            centers: [[0.0; 4]; 2],
+            rates: [
+                [mean, mean, mean, o.opacity_lr as f32],
+                [scale, scale, scale, 0.0],
+                [rotation; 4],
+                [o.sh_lr as f32, (o.sh_lr / 20.0) as f32, 0.0, 0.0],
+            ],
+            betas: [o.beta1 as f32, o.beta2 as f32, o.epsilon as f32, 0.0],
+            corrections: [
+                (1.0 / (1.0 - o.beta1.powf(t))) as f32,
+                (1.0 / (1.0 - o.beta2.powf(t)).sqrt()) as f32,
+                0.0,
+                0.0,
+            ],
+            counts: [0; 4],
+        };
+        for (slot, &[x, y, z]) in step.centers.iter_mut().zip(centers) {
+            *slot = [x, y, z, 1.0];
+        }
+        step
+    }
+}
+
+/// `Rearrange` in `rearrange.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct RearrangeUniform {
+    n: u32,
+    old_stride: u32,
+    new_stride: u32,
+    n_planes: u32,
+    kind: u32,
+    pad: [u32; 3],
+}
+
+const KIND_GEOMETRY: u32 = 0;
+const KIND_SH: u32 = 1;
+const KIND_MOMENTS: u32 = 2;
+
+/// The parameters in training, with what Adam and the densification remember of them.
+pub struct Optimizer {
+    pub model: Model,
+    pub first_moment: Model,
+    pub second_moment: Model,
+    /// `vec4f` a Gaussian: sum of screen gradients, number of views, largest radius, 0.
+    statistics: Buffer,
+    step: Buffer,
+    blocks: [Buffer; 4],
+}
+
+impl Optimizer {
+    pub fn new(gpu: &Gpu, model: Model) -> Result<Optimizer> {
+        let zeros = || Model::zeros(gpu, model.n, model.stride, model.sh_degree);
+        let block =
+            |first: u32, planes: u32| Buffer::uniform_from(gpu, "block", &[first, planes, 0, 0]);
+        // A model of degree 0 has coefficients in the first plane alone.
+        let low = if model.sh_degree == 0 { 1 } else { 3 };
+        Ok(Optimizer {
+            first_moment: zeros()?,
+            second_moment: zeros()?,
+            statistics: Buffer::storage::<[f32; 4]>(gpu, "statistics", model.stride)?,
+            step: Buffer::uniform::<StepUniform>(gpu, "step"),
+            blocks: [block(0, 0), block(0, low), block(3, 4), block(7, 5)],
+            model,
+        })
+    }
+
+    /// Bind groups of the Adam dispatches for the gradients in `workspace`.
+    pub fn bind(
+        &self,
+        gpu: &Gpu,
+        kernels: &OptimizerKernels,
+        workspace: &Workspace,
+    ) -> Vec<wgpu::BindGroup> {
+        let Some(backward) = &workspace.backward else {
+            return Vec::new();
+        };
+        (0..n_blocks(self.model.sh_degree))
+            .map(|i| {
+                let (kernel, source) = match i {
+                    0 => (&kernels.adam_geometry, &backward.d_geometry),
+                    _ => (&kernels.adam_sh, &self.model.blocks[0]),
+                };
+                kernel.bind(
+                    gpu,
+                    &[
+                        ("step", &self.step),
+                        ("parameters", &self.model.blocks[i]),
+                        ("first_moment", &self.first_moment.blocks[i]),
+                        ("second_moment", &self.second_moment.blocks[i]),
+                        ("source", source),
+                        ("d_color", &backward.d_color),
+                        ("block", &self.blocks[i]),
+                        ("totals", &workspace.totals),
+                        ("screen", &backward.screen),
+                        ("statistics", &self.statistics),
+                    ],
+                )
+            })
+            .collect()
+    }
+
+    /// Records one step over `groups` from [`Optimizer::bind`]. SH first: its gradients need the
+    /// means that the views were rendered with. Blocks of degrees that are not active yet have
+    /// neither gradient nor moments and are left out.
+    pub fn step(
+        &self,
+        gpu: &Gpu,
+        kernels: &OptimizerKernels,
+        groups: &[wgpu::BindGroup],
+        commands: &mut Commands<'_>,
+        (mut step, sh_degree): (StepUniform, u32),
+    ) {
+        step.counts = [self.model.n as u32, self.model.stride as u32, sh_degree, 0];
+        self.step.write(gpu, &[step]);
+        let n = self.model.n as u64;
+        for group in &groups[1..n_blocks(sh_degree)] {
+            commands.dispatch(&kernels.adam_sh, group, n);
+        }
+        commands.dispatch(&kernels.adam_geometry, &groups[0], n);
+    }
+
+    /// Caps every opacity at `opacity` (3DGS's reset).
+    pub fn reset_opacity(&self, gpu: &Gpu, kernels: &OptimizerKernels, opacity: f64) {
+        let logit = (opacity / (1.0 - opacity)).ln() as f32;
+        let ceiling = Buffer::uniform_from(gpu, "ceiling", &[logit, 0.0, 0.0, 0.0]);
+        let counts = Buffer::uniform_from(gpu, "counts", &[self.model.n as u32, 0, 0, 0]);
+        let group = kernels.reset_opacity.bind(
+            gpu,
+            &[
+                ("ceiling", &ceiling),
+                ("counts", &counts),
+                ("geometry", &self.model.blocks[0]),
+                ("first_moment", &self.first_moment.blocks[0]),
+                ("second_moment", &self.second_moment.blocks[0]),
+            ],
+        );
+        let mut commands = Commands::new(gpu);
+        commands.dispatch(&kernels.reset_opacity, &group, self.model.n as u64);
+        commands.submit();
+    }
+
+    /// Reads back what the policy looks at.
+    pub fn gather(&self, gpu: &Gpu) -> Result<Gathered> {
+        let (n, stride) = (self.model.n, self.model.stride);
+        let geometry: Vec<[f32; 4]> = self.model.blocks[0].read(gpu, 3 * stride)?;
+        let statistics: Vec<[f32; 4]> = self.statistics.read(gpu, n)?;
+        let xyz = |v: &[f32; 4]| glam::Vec3::new(v[0], v[1], v[2]);
+        Ok(Gathered {
+            means: geometry[..n].iter().map(xyz).collect(),
+            opacity_logits: geometry[..n].iter().map(|v| v[3]).collect(),
+            scales_log: geometry[stride..][..n].iter().map(xyz).collect(),
+            rotations_wxyz: geometry[2 * stride..][..n].to_vec(),
+            statistics: statistics.iter().map(|v| [v[0], v[1], v[2]]).collect(),
+        })
+    }
+
+    /// Carries out a plan; statistics start anew.
+    pub fn rearrange(&mut self, gpu: &Gpu, kernels: &OptimizerKernels, plan: &Plan) -> Result<()> {
+        let n = plan.sources.len();
+        // Room to grow, so that the workspace's buffers need not follow every plan.
+        let stride = if n > self.model.stride {
+            n + n / 4
+        } else {
+            self.model.stride
+        };
+        let sources = Buffer::storage_from(gpu, "sources", &plan.sources)?;
+        let changes = Buffer::storage_from(gpu, "changes", &plan.changes)?;
+        let degree = self.model.sh_degree;
+        for (old, moments) in [
+            (&mut self.model, false),
+            (&mut self.first_moment, true),
+            (&mut self.second_moment, true),
+        ] {
+            let new = Model::zeros(gpu, n, stride, degree)?;
+            let mut commands = Commands::new(gpu);
+            for block in 0..n_blocks(degree) {
+                let kind = match (moments, block) {
+                    (true, _) => KIND_MOMENTS,
+                    (false, 0) => KIND_GEOMETRY,
+                    (false, _) => KIND_SH,
+                };
+                let uniform = RearrangeUniform {
+                    n: n as u32,
+                    old_stride: old.stride as u32,
+                    new_stride: stride as u32,
+                    n_planes: BLOCK_PLANES[block] as u32,
+                    kind,
+                    pad: [0; 3],
+                };
+                let group = kernels.rearrange.bind(
+                    gpu,
+                    &[
+                        (
+                            "rearrange",
+                            &Buffer::uniform_from(gpu, "rearrange", &uniform),
+                        ),
+                        ("old_planes", &old.blocks[block]),
+                        ("new_planes", &new.blocks[block]),
+                        ("sources", &sources),
+                        ("changes", &changes),
+                    ],
+                );
+                commands.dispatch(&kernels.rearrange, &group, n as u64);
+            }
+            commands.submit();
+            // The old set's memory is free before the next is made.
+            gpu.wait()?;
+            *old = new;
+        }
+        self.statistics = Buffer::storage::<[f32; 4]>(gpu, "statistics", stride)?;
+        Ok(())
+    }
+}

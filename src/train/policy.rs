@@ -1,0 +1,233 @@
+//! Which Gaussians come and go: 3DGS's densification and pruning, and the paper's coverage-aware
+//! rules. Decides on the host from what the GPU has gathered; [`super::optimizer`] applies it.
+
+use glam::{DMat3, DQuat, DVec3, Vec3};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
+
+use super::schedule;
+use crate::config::Config;
+use crate::field::Coverage;
+
+/// Random stream of the split positions, apart from those of other consumers of the seed.
+const STREAM: u64 = 0x7370_6c69_7400_0000;
+
+/// Marks a planned Gaussian that is new and starts without Adam moments.
+pub const NEW: u32 = 1 << 31;
+
+/// 3DGS: each half of a split Gaussian is smaller by 0.8 times their number.
+const SPLIT_SHRINK: f64 = 1.6;
+
+/// What the policy looks at, per Gaussian; canonical frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Gathered {
+    pub means: Vec<Vec3>,
+    pub opacity_logits: Vec<f32>,
+    pub scales_log: Vec<Vec3>,
+    pub rotations_wxyz: Vec<[f32; 4]>,
+    /// Sum of the screen gradient's norm, number of views drawn in, largest radius (share of the
+    /// longer image side) since the last plan.
+    pub statistics: Vec<[f32; 3]>,
+}
+
+/// The new set: Gaussian `i` is Gaussian `sources[i]` (with [`NEW`] set where it is an addition),
+/// its mean moved by `changes[i].xyz` and its log scales by `changes[i].w`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Plan {
+    pub sources: Vec<u32>,
+    pub changes: Vec<[f32; 4]>,
+    pub counts: PlanCounts,
+}
+
+/// How many Gaussians a plan touches, by reason.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct PlanCounts {
+    pub cloned: usize,
+    pub split: usize,
+    pub pruned_opacity: usize,
+    pub pruned_size: usize,
+    pub pruned_anisotropy: usize,
+}
+
+/// What happens to one Gaussian.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Fate {
+    Keep,
+    Clone,
+    Split,
+    Prune(Reason),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Reason {
+    Opacity,
+    Size,
+    Anisotropy,
+}
+
+/// Decides after `done` iterations. `extent` is 3DGS's camera extent in the canonical frame.
+pub fn plan(
+    gathered: &Gathered,
+    config: &Config,
+    coverage: &Coverage,
+    extent: f64,
+    done: u32,
+) -> Plan {
+    let rules = Rules {
+        config,
+        coverage,
+        extent,
+        done,
+    };
+    let mut fates: Vec<(Fate, f64)> = (0..gathered.means.len())
+        .into_par_iter()
+        .map(|i| rules.judge(gathered, i))
+        .collect();
+    let n = gathered.means.len();
+    let n_elongated = (config.coverage.max_pruned_share * n as f64) as usize;
+    limit(
+        &mut fates,
+        |fate| fate == Fate::Prune(Reason::Anisotropy),
+        n_elongated,
+    );
+    let n_pruned = fates
+        .iter()
+        .filter(|(fate, _)| matches!(fate, Fate::Prune(_)))
+        .count();
+    let room = config.densify.max_gaussians.saturating_sub(n - n_pruned);
+    limit(
+        &mut fates,
+        |fate| matches!(fate, Fate::Clone | Fate::Split),
+        room,
+    );
+    carry_out(gathered, &fates, config.seed, done)
+}
+
+/// Keeps only the `n` entries of the selected kind that have the highest scores (the lower index
+/// of equals); the others are kept as they are.
+fn limit(fates: &mut [(Fate, f64)], selects: impl Fn(Fate) -> bool, n: usize) {
+    let mut chosen: Vec<usize> = (0..fates.len()).filter(|&i| selects(fates[i].0)).collect();
+    if chosen.len() <= n {
+        return;
+    }
+    chosen.sort_by(|&a, &b| fates[b].1.total_cmp(&fates[a].1).then(a.cmp(&b)));
+    for &i in &chosen[n..] {
+        fates[i].0 = Fate::Keep;
+    }
+}
+
+struct Rules<'a> {
+    config: &'a Config,
+    coverage: &'a Coverage,
+    extent: f64,
+    done: u32,
+}
+
+impl Rules<'_> {
+    /// A Gaussian's fate, and the score by which it is chosen where not all can be.
+    fn judge(&self, gathered: &Gathered, i: usize) -> (Fate, f64) {
+        let Rules {
+            config,
+            extent,
+            done,
+            ..
+        } = *self;
+        let densify = &config.densify;
+        let scale = gathered.scales_log[i].as_dvec3().exp();
+        let [gradient_sum, n_views, radius] = gathered.statistics[i].map(f64::from);
+        // Paper: a_i = max(s) / (min(s) + eps), tau_i between tau_min and tau_max by Norm(Q_i).
+        let rules = &config.coverage;
+        let anisotropy = scale.max_element() / (scale.min_element() + rules.anisotropy_epsilon);
+        let norm_q = self
+            .coverage
+            .norm_q(self.coverage.q(gathered.means[i].as_dvec3()));
+        let tau = rules.tau_min + (rules.tau_max - rules.tau_min) * norm_q;
+
+        if schedule::densifies(config, done) {
+            let opacity = 1.0 / (1.0 + (-f64::from(gathered.opacity_logits[i])).exp());
+            if opacity < densify.min_opacity {
+                return (Fate::Prune(Reason::Opacity), 0.0);
+            }
+            let after_reset = done > densify.opacity_reset_interval;
+            let too_large = scale.max_element() > densify.max_scale * extent;
+            if after_reset && (too_large || radius > densify.max_screen) {
+                return (Fate::Prune(Reason::Size), 0.0);
+            }
+        }
+        if schedule::prunes_by_coverage(config, done) && anisotropy > tau {
+            return (Fate::Prune(Reason::Anisotropy), anisotropy / tau);
+        }
+        if schedule::densifies(config, done) && n_views > 0.0 {
+            let aware = rules.densify && done >= rules.start;
+            let threshold = if aware {
+                rules.delta_min + (rules.delta_max - rules.delta_min) * (1.0 - norm_q)
+            } else {
+                densify.gradient_threshold
+            };
+            let gradient = gradient_sum / n_views;
+            if gradient > threshold && !(aware && anisotropy > tau) {
+                let small = scale.max_element() <= densify.split_scale * extent;
+                return (
+                    if small { Fate::Clone } else { Fate::Split },
+                    gradient / threshold,
+                );
+            }
+        }
+        (Fate::Keep, 0.0)
+    }
+}
+
+/// Kept Gaussians first, in order; then the clones; then the halves of the split ones (3DGS).
+fn carry_out(gathered: &Gathered, fates: &[(Fate, f64)], seed: u64, done: u32) -> Plan {
+    let mut plan = Plan::default();
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(STREAM | u64::from(done));
+    for (i, (fate, _)) in fates.iter().enumerate() {
+        match fate {
+            Fate::Keep | Fate::Clone => plan.push(i, 0, DVec3::ZERO, 0.0),
+            Fate::Prune(Reason::Opacity) => plan.counts.pruned_opacity += 1,
+            Fate::Prune(Reason::Size) => plan.counts.pruned_size += 1,
+            Fate::Prune(Reason::Anisotropy) => plan.counts.pruned_anisotropy += 1,
+            Fate::Split => {}
+        }
+    }
+    for (i, _) in fates
+        .iter()
+        .enumerate()
+        .filter(|(_, (fate, _))| *fate == Fate::Clone)
+    {
+        plan.push(i, NEW, DVec3::ZERO, 0.0);
+        plan.counts.cloned += 1;
+    }
+    for (i, _) in fates
+        .iter()
+        .enumerate()
+        .filter(|(_, (fate, _))| *fate == Fate::Split)
+    {
+        let [w, x, y, z] = gathered.rotations_wxyz[i].map(f64::from);
+        let rotation = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
+        let scale = gathered.scales_log[i].as_dvec3().exp();
+        for _ in 0..2 {
+            let offset = rotation * (scale * standard_normal(&mut rng));
+            plan.push(i, NEW, offset, -SPLIT_SHRINK.ln());
+        }
+        plan.counts.split += 1;
+    }
+    plan
+}
+
+impl Plan {
+    fn push(&mut self, source: usize, flag: u32, offset: DVec3, scale_change: f64) {
+        self.sources.push(source as u32 | flag);
+        let offset = offset.as_vec3();
+        self.changes
+            .push([offset.x, offset.y, offset.z, scale_change as f32]);
+    }
+}
+
+fn standard_normal(rng: &mut ChaCha8Rng) -> DVec3 {
+    let mut draw = || StandardNormal.sample(rng);
+    DVec3::new(draw(), draw(), draw())
+}

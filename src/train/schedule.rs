@@ -1,0 +1,94 @@
+//! What an iteration does, as a function of its number and the seed alone: a step can be repeated.
+
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+
+use crate::config::{Config, OptimizerConfig};
+
+/// Random streams of the view orders, apart from those of other consumers of the seed.
+const REAL_STREAM: u64 = 0x7265_616c;
+const VIRTUAL_STREAM: u64 = 0x7669_7274;
+
+/// Draws views without replacement, epoch by epoch, as 3DGS does.
+pub struct ViewOrder {
+    seed: u64,
+    stream: u64,
+    epoch: Option<u32>,
+    order: Vec<usize>,
+}
+
+impl ViewOrder {
+    /// The order in which `n` real views are trained on.
+    pub fn real(seed: u64, n: usize) -> ViewOrder {
+        ViewOrder {
+            seed,
+            stream: REAL_STREAM,
+            epoch: None,
+            order: (0..n).collect(),
+        }
+    }
+
+    /// The order in which `n` virtual views are trained on.
+    pub fn virtual_views(seed: u64, n: usize) -> ViewOrder {
+        ViewOrder {
+            stream: VIRTUAL_STREAM,
+            ..Self::real(seed, n)
+        }
+    }
+
+    /// The view of iteration `iteration` (from 0); `None` where there are no views.
+    pub fn view(&mut self, iteration: u32) -> Option<usize> {
+        let n = u32::try_from(self.order.len()).ok().filter(|&n| n > 0)?;
+        let epoch = iteration / n;
+        if self.epoch != Some(epoch) {
+            let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+            rng.set_stream(self.stream << 32 | u64::from(epoch));
+            self.order.sort_unstable();
+            self.order.shuffle(&mut rng);
+            self.epoch = Some(epoch);
+        }
+        self.order.get((iteration % n) as usize).copied()
+    }
+}
+
+/// Position learning rate at `iteration` (from 0) of `iterations`: log-linear from start to end,
+/// times `extent` (3DGS).
+pub fn mean_rate(config: &OptimizerConfig, iteration: u32, iterations: u32, extent: f64) -> f64 {
+    let t = f64::from(iteration) / f64::from(iterations.max(1));
+    let log = config.mean_lr_start.ln() * (1.0 - t) + config.mean_lr_end.ln() * t;
+    log.exp() * extent
+}
+
+/// Active SH degree at `iteration` (from 0).
+pub fn sh_degree(config: &Config, iteration: u32) -> u32 {
+    (iteration / config.model.sh_interval.max(1)).min(config.model.sh_degree)
+}
+
+/// Whether densification follows after `done` iterations (3DGS).
+pub fn densifies(config: &Config, done: u32) -> bool {
+    let densify = &config.densify;
+    densify.enabled && done > densify.start && done < densify.end && due(done, densify.interval)
+}
+
+/// Whether coverage-aware pruning follows after `done` iterations.
+pub fn prunes_by_coverage(config: &Config, done: u32) -> bool {
+    let coverage = &config.coverage;
+    coverage.prune
+        && done >= coverage.start
+        && done < config.iterations
+        && due(done, coverage.interval)
+}
+
+/// Whether the opacities are reset after `done` iterations (3DGS).
+pub fn resets_opacity(config: &Config, done: u32) -> bool {
+    let densify = &config.densify;
+    densify.enabled
+        && done < densify.end.min(config.iterations)
+        && done <= densify.opacity_reset_end
+        && due(done, densify.opacity_reset_interval)
+}
+
+fn due(done: u32, interval: u32) -> bool {
+    interval > 0 && done > 0 && done.is_multiple_of(interval)
+}

@@ -1,0 +1,325 @@
+//! The training loop.
+
+use super::optimizer::{Optimizer, OptimizerKernels, StepUniform};
+use super::policy::{self, PlanCounts};
+use super::schedule::{self, ViewOrder};
+use crate::camera::Camera;
+use crate::config::Config;
+use crate::error::{Error, Result};
+use crate::field::Coverage;
+use crate::gaussians::Gaussians;
+use crate::gpu::{Commands, Gpu};
+use crate::render::{
+    Bound, Capacity, Kernels, LossUniform, Model, Pass, ViewUniform, Workspace, read_totals,
+};
+
+/// Iterations between two looks at the GPU: a loss sample, the overflow flag, the progress.
+const LOOK_INTERVAL: u32 = 10;
+
+/// Opacity that 3DGS's reset leaves at most.
+const RESET_OPACITY: f64 = 0.01;
+
+/// An image that a training view is compared with.
+#[derive(Clone, Debug)]
+pub struct TrainingView {
+    /// Canonical frame.
+    pub camera: Camera,
+    /// RGBA8, `height * width`, red in the lowest byte; alpha 255 where the pixel counts.
+    pub goal: Vec<u32>,
+    /// Whether some pixels do not count.
+    pub masked: bool,
+    /// Weight of its loss: 1 for real views, `alpha_k` for virtual ones.
+    pub weight: f64,
+}
+
+/// What a training run learns from, in the canonical frame.
+#[derive(Clone, Debug)]
+pub struct Supervision {
+    pub real: Vec<TrainingView>,
+    pub virtual_views: Vec<TrainingView>,
+    /// Decides coverage-aware pruning and densification.
+    pub coverage: Coverage,
+    /// 3DGS's camera extent in the canonical frame: 1.1 times the greatest distance of a training
+    /// camera from their mean.
+    pub extent: f64,
+}
+
+/// A look at the losses of one iteration; means over all (or all valid) pixels.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct LossSample {
+    /// Number of finished iterations.
+    pub iteration: u32,
+    pub l1: f64,
+    pub ssim: f64,
+    /// Of the virtual view, where the iteration had one.
+    pub virtual_l1: Option<f64>,
+    pub virtual_ssim: Option<f64>,
+    /// `L_real + alpha_k L_virt`.
+    pub loss: f64,
+    pub n_gaussians: usize,
+}
+
+/// Told of the training as it goes.
+pub trait Observer {
+    /// After every look at the losses.
+    fn look(&mut self, sample: &LossSample);
+    /// After every change of the set of Gaussians.
+    fn changed(&mut self, iteration: u32, n_gaussians: usize, counts: &PlanCounts);
+}
+
+/// What a training run leaves.
+pub struct Trained {
+    /// Canonical frame.
+    pub gaussians: Gaussians,
+    pub samples: Vec<LossSample>,
+    /// (iteration, Gaussians after it, what changed), one a plan.
+    pub plans: Vec<(u32, usize, PlanCounts)>,
+}
+
+/// Trains `start` on `supervision` for `config.iterations` iterations.
+///
+/// # Errors
+/// No training view, a request that the adapter cannot hold, or a GPU fault.
+pub fn train(
+    gpu: &Gpu,
+    kernels: &Kernels,
+    start: &Gaussians,
+    supervision: &Supervision,
+    config: &Config,
+    observer: &mut dyn Observer,
+) -> Result<Trained> {
+    if supervision.real.is_empty() {
+        return Err(Error::new("no training view"));
+    }
+    let mut trainer = Trainer::new(gpu, kernels, start, supervision, config)?;
+    trainer.run(observer)?;
+    Ok(Trained {
+        gaussians: trainer.optimizer.model.download(gpu)?,
+        samples: trainer.samples,
+        plans: trainer.plans,
+    })
+}
+
+struct Trainer<'a> {
+    gpu: &'a Gpu,
+    kernels: &'a Kernels,
+    optimizer_kernels: OptimizerKernels,
+    supervision: &'a Supervision,
+    config: &'a Config,
+    real: Vec<ViewUniform>,
+    virtual_views: Vec<ViewUniform>,
+    real_order: ViewOrder,
+    virtual_order: ViewOrder,
+    optimizer: Optimizer,
+    workspace: Workspace,
+    bound: Bound,
+    adam: Vec<wgpu::BindGroup>,
+    samples: Vec<LossSample>,
+    plans: Vec<(u32, usize, PlanCounts)>,
+}
+
+impl<'a> Trainer<'a> {
+    fn new(
+        gpu: &'a Gpu,
+        kernels: &'a Kernels,
+        start: &Gaussians,
+        supervision: &'a Supervision,
+        config: &'a Config,
+    ) -> Result<Trainer<'a>> {
+        let uniforms = |views: &[TrainingView]| -> Vec<ViewUniform> {
+            let model = &config.model;
+            views
+                .iter()
+                .map(|v| ViewUniform::new(&v.camera, model.near, model.background))
+                .collect()
+        };
+        let real = uniforms(&supervision.real);
+        let virtual_views = uniforms(&supervision.virtual_views);
+        let model = Model::upload(gpu, start, start.len())?;
+        let all = [real.clone(), virtual_views.clone()].concat();
+        let capacity = Capacity::new(model.stride, 12 * model.n.max(1024), &all);
+        let optimizer_kernels = OptimizerKernels::new(gpu);
+        let optimizer = Optimizer::new(gpu, model)?;
+        let workspace = Workspace::new(gpu, capacity, true)?;
+        let bound = Bound::new(gpu, kernels, &workspace, &optimizer.model);
+        let adam = optimizer.bind(gpu, &optimizer_kernels, &workspace);
+        Ok(Trainer {
+            gpu,
+            kernels,
+            optimizer_kernels,
+            supervision,
+            config,
+            real_order: ViewOrder::real(config.seed, real.len()),
+            virtual_order: ViewOrder::virtual_views(config.seed, virtual_views.len()),
+            real,
+            virtual_views,
+            optimizer,
+            workspace,
+            bound,
+            adam,
+            samples: Vec::new(),
+            plans: Vec::new(),
+        })
+    }
+
+    fn run(&mut self, observer: &mut dyn Observer) -> Result<()> {
+        let config = self.config;
+        let mut done = 0;
+        while done < config.iterations {
+            let views = self.step(done);
+            done += 1;
+            let changes = schedule::densifies(config, done)
+                || schedule::prunes_by_coverage(config, done)
+                || schedule::resets_opacity(config, done);
+            if !(changes || done.is_multiple_of(LOOK_INTERVAL) || done == config.iterations) {
+                continue;
+            }
+            let totals = read_totals(self.gpu, &self.workspace)?;
+            if totals.overflow_step != 0 {
+                // Nothing has changed since that step: make room and take it again.
+                done = totals.overflow_step - 1;
+                self.grow(totals.max)?;
+                continue;
+            }
+            let sample = self.sample(done, views)?;
+            observer.look(&sample);
+            self.samples.push(sample);
+            if changes {
+                self.change(done, observer)?;
+            }
+        }
+        self.gpu.wait()
+    }
+
+    /// Records and submits iteration `iteration` (from 0); returns its views.
+    fn step(&mut self, iteration: u32) -> (usize, Option<usize>) {
+        let config = self.config;
+        let degree = schedule::sh_degree(config, iteration);
+        // There is at least one real view.
+        let real = self.real_order.view(iteration).unwrap_or(0);
+        let virtual_view = self.virtual_order.view(iteration);
+        let mut commands = Commands::new(self.gpu);
+        let mut centers = Vec::with_capacity(2);
+        let chosen = [
+            Some((&self.supervision.real[real], self.real[real])),
+            virtual_view.map(|k| (&self.supervision.virtual_views[k], self.virtual_views[k])),
+        ];
+        for (slot, (view, uniform)) in chosen.into_iter().flatten().enumerate() {
+            let n_valid = if view.masked {
+                view.goal
+                    .iter()
+                    .filter(|&&texel| texel >= 0xff00_0000)
+                    .count()
+            } else {
+                view.goal.len()
+            };
+            let weight = view.weight
+                * if slot == 0 {
+                    1.0
+                } else {
+                    config.loss.virtual_weight
+                };
+            let loss = LossUniform::new(weight, config.loss.ssim_weight, n_valid, view.masked);
+            self.workspace.set_goal(self.gpu, slot, &view.goal);
+            let pass = Pass::new(
+                self.gpu,
+                self.kernels,
+                &self.workspace,
+                &self.bound,
+                &self.optimizer.model,
+                (slot, uniform),
+                (degree, iteration + 1),
+            );
+            pass.forward(&mut commands);
+            pass.loss(&mut commands, loss);
+            pass.backward(&mut commands);
+            let [x, y, z, _] = uniform.center_near;
+            centers.push([x, y, z]);
+        }
+        let step = StepUniform::new(config, iteration, self.supervision.extent, &centers);
+        let kernels = &self.optimizer_kernels;
+        self.optimizer
+            .step(self.gpu, kernels, &self.adam, &mut commands, (step, degree));
+        commands.submit();
+        (real, virtual_view)
+    }
+
+    /// Reads the losses of the iteration just done.
+    fn sample(
+        &self,
+        done: u32,
+        (real, virtual_view): (usize, Option<usize>),
+    ) -> Result<LossSample> {
+        let losses = self.workspace.read_losses(self.gpu)?;
+        let w = self.config.loss.ssim_weight;
+        let image = |[l1, ssim]: [f64; 2]| (1.0 - w) * l1 + w * (1.0 - ssim);
+        let mut loss = self.supervision.real[real].weight * image(losses[0]);
+        if let Some(k) = virtual_view {
+            let weight = self.supervision.virtual_views[k].weight;
+            loss += weight * self.config.loss.virtual_weight * image(losses[1]);
+        }
+        Ok(LossSample {
+            iteration: done,
+            l1: losses[0][0],
+            ssim: losses[0][1],
+            virtual_l1: virtual_view.map(|_| losses[1][0]),
+            virtual_ssim: virtual_view.map(|_| losses[1][1]),
+            loss,
+            n_gaussians: self.optimizer.model.n,
+        })
+    }
+
+    /// Densifies, prunes and resets as the schedule says after `done` iterations.
+    fn change(&mut self, done: u32, observer: &mut dyn Observer) -> Result<()> {
+        let config = self.config;
+        if schedule::densifies(config, done) || schedule::prunes_by_coverage(config, done) {
+            let gathered = self.optimizer.gather(self.gpu)?;
+            let coverage = &self.supervision.coverage;
+            let plan = policy::plan(&gathered, config, coverage, self.supervision.extent, done);
+            self.optimizer
+                .rearrange(self.gpu, &self.optimizer_kernels, &plan)?;
+            let n = self.optimizer.model.n;
+            self.plans.push((done, n, plan.counts));
+            observer.changed(done, n, &plan.counts);
+            if self.optimizer.model.stride > self.workspace.capacity.stride {
+                self.grow(0)?;
+            } else {
+                self.rebind();
+            }
+        }
+        if schedule::resets_opacity(config, done) {
+            self.optimizer
+                .reset_opacity(self.gpu, &self.optimizer_kernels, RESET_OPACITY);
+        }
+        Ok(())
+    }
+
+    /// Makes room for the model and for half as many pairs again as `pairs`.
+    fn grow(&mut self, pairs: usize) -> Result<()> {
+        if pairs == u32::MAX as usize {
+            return Err(
+                Error::new("a view has more than 2^32 (tile, Gaussian) pairs").way_out(
+                    "use fewer Gaussians (`--max-points`) or smaller images (`--max-size`)",
+                ),
+            );
+        }
+        let mut capacity = self.workspace.capacity;
+        capacity.stride = capacity.stride.max(self.optimizer.model.stride);
+        capacity.pairs = capacity.pairs.max(pairs + pairs / 2);
+        self.workspace = Workspace::new(self.gpu, capacity, true)?;
+        self.rebind();
+        Ok(())
+    }
+
+    fn rebind(&mut self) {
+        self.bound = Bound::new(
+            self.gpu,
+            self.kernels,
+            &self.workspace,
+            &self.optimizer.model,
+        );
+        self.adam = self
+            .optimizer
+            .bind(self.gpu, &self.optimizer_kernels, &self.workspace);
+    }
+}
