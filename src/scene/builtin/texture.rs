@@ -87,7 +87,7 @@ fn line(x: f64, half_width: f64) -> f64 {
 
 /// How far a floor point has faded into the backdrop, in `[0, 1]`: no hard horizon.
 pub(super) fn floor_fade(p: DVec3) -> f64 {
-    smoothstep(4.0, 9.0, p.x.hypot(p.y))
+    smoothstep(4.0, 9.0, DVec2::new(p.x, p.y).length())
 }
 
 fn planks(p: DVec3) -> DVec3 {
@@ -129,7 +129,7 @@ fn mosaic(p: DVec3) -> DVec3 {
     const RING: f64 = 0.105;
     const PALETTE: [DVec3; 4] = [NAVY, TEAL, CREAM, OCHRE];
     let grout = color(214, 204, 190);
-    let rho = p.x.hypot(p.y);
+    let rho = DVec2::new(p.x, p.y).length();
     let ring = (rho / RING).floor();
     let n_tiles = ((ring + 0.5) * TAU).round().max(1.0) as i64;
     let turn = p.y.atan2(p.x) / TAU + 0.5 + 0.37 * random([ring as i64, 5, 5]);
@@ -185,17 +185,11 @@ fn dots(p: DVec3, half: f64) -> DVec3 {
     } else {
         (DVec2::new(q.x, q.z), 2.0)
     };
-    let grid = uv * 2.0 + DVec2::splat(0.5);
+    let grid = (uv + DVec2::ONE) * 2.0;
     let cell = grid.floor();
-    let shift = if cell.y.rem_euclid(2.0) >= 1.0 {
-        0.0
-    } else {
-        0.12
-    };
-    let center = DVec2::new(0.5 + shift, 0.5);
     let key = [cell.x as i64 * 7 + side as i64, cell.y as i64, 21];
     let radius = 0.2 + 0.14 * random(key);
-    let off = (grid - cell).distance(center);
+    let off = (grid - cell).distance(DVec2::splat(0.5));
     let dot = 1.0 - smoothstep(radius - 0.03, radius + 0.03, off);
     let core = 1.0 - smoothstep(radius * 0.42 - 0.03, radius * 0.42 + 0.03, off);
     let weave = 0.84
@@ -206,11 +200,14 @@ fn dots(p: DVec3, half: f64) -> DVec3 {
 
 fn spiral(p: DVec3) -> DVec3 {
     let turn = p.y.atan2(p.x) / TAU;
-    let band = (p.z * 4.6 + turn).rem_euclid(1.0);
+    // Down the side and on over the top, where the radius changes instead of the height.
+    let along = p.z - DVec2::new(p.x, p.y).length();
+    let climb = along * 4.6 + turn;
+    let band = climb.rem_euclid(1.0);
     let broad = smoothstep(0.0, 0.03, band) - smoothstep(0.5, 0.53, band);
-    let thin = line((p.z * 4.6 + turn) * 2.0 + 0.5, 0.075);
+    let thin = line(climb * 2.0 + 0.5, 0.075);
     let glaze = 0.86 + 0.24 * (fractal_noise(p * DVec3::new(9.0, 9.0, 20.0), 3) - 0.2);
-    let lattice = line(turn * 24.0 - p.z * 12.0, 0.09) * broad;
+    let lattice = line(turn * 24.0 - along * 12.0, 0.09) * broad;
     (CREAM
         .lerp(TEAL, broad)
         .lerp(OCHRE, 0.8 * lattice)
@@ -230,7 +227,7 @@ fn globe(p: DVec3, a: DVec3, b: DVec3) -> DVec3 {
 
 fn segments(p: DVec3, major: f64) -> DVec3 {
     let turn = p.y.atan2(p.x) / TAU;
-    let tube = p.z.atan2(p.x.hypot(p.y) - major) / TAU;
+    let tube = p.z.atan2(DVec2::new(p.x, p.y).length() - major) / TAU;
     let along = turn * 14.0;
     let base = [OCHRE, NAVY][(along.floor() as i64).rem_euclid(2) as usize];
     let stitches = line(tube * 6.0 + along, 0.10);
