@@ -1,5 +1,7 @@
 //! Scenes: posed photographs and a point cloud, from disk or built in.
 
+pub mod builtin;
+
 use glam::DVec3;
 
 use crate::camera::Camera;
