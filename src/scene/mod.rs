@@ -1,5 +1,9 @@
 //! Scenes: posed photographs and a point cloud, from disk or built in.
 
+mod source;
+
+pub use source::{DEFAULT_BUILTIN_WIDTH, SceneSource};
+
 use glam::DVec3;
 
 use crate::camera::Camera;
