@@ -69,8 +69,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
 
-    /// Training views by name; the scene's other views are for testing [default: split.json, or
-    /// 4 views uniformly]
+    /// Training views by name [default: split.json, or 4 views uniformly]
     #[arg(long, value_name = "A,B,...", value_delimiter = ',')]
     train_views: Option<Vec<String>>,
 
@@ -83,7 +82,11 @@ impl TrainArgs {
     pub fn run(self) -> Result<()> {
         let config = self.resolved_config()?;
         check_names(self.train_views.as_deref())?;
-        let source = self.scene.clone().resolved()?;
+        let max_px = config
+            .scene
+            .max_size_px
+            .unwrap_or(config.scene.max_width_px);
+        let source = self.scene.clone().resolved()?.at_most(max_px);
         let out = self
             .out
             .unwrap_or_else(|| RunDir::default_path(&source.name(), &config));

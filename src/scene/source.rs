@@ -36,6 +36,17 @@ impl SceneSource {
         }
     }
 
+    /// The source with the built-in scene's images no wider than `px`; a folder's are scaled
+    /// when they are loaded.
+    pub fn at_most(self, px: u32) -> SceneSource {
+        match self {
+            SceneSource::Builtin { width } => SceneSource::Builtin {
+                width: width.min(px),
+            },
+            folder => folder,
+        }
+    }
+
     /// Short name for tables and folders.
     pub fn name(&self) -> String {
         match self {
