@@ -6,8 +6,8 @@
 //! eval.json        errors at the test views (Evaluation)
 //! point_cloud.ply  the Gaussians
 //! cameras.json     every camera
-//! virtual/         virtual views: contact sheet
-//! test/            test views: one PNG each, contact sheet
+//! virtual/         contact_sheet.png: virtual views beside their masks
+//! test/            one PNG a test view; contact_sheet.png: renders beside photographs
 //! ```
 
 mod names;
@@ -27,13 +27,15 @@ use serde::de::DeserializeOwned;
 use crate::config::Config;
 use crate::error::{Error, Result, create_dir, read_file, write_file};
 
+/// Beside `config.json`.
 const FILES: &[&str] = &[
-    "config.json",
     "metrics.json",
     "eval.json",
     "point_cloud.ply",
     "cameras.json",
 ];
+/// In both folders; [`file_names`] gives it to no view.
+const SHEET: &str = "contact_sheet.png";
 const FOLDERS: &[&str] = &["virtual", "test"];
 
 /// A run directory that exists.
@@ -79,6 +81,8 @@ impl RunDir {
             root: root.to_owned(),
         };
         create_dir(root)?;
+        // First of all: what is left of an interrupted start is then known as a run.
+        write_file(&run.root.join("config.json"), config.to_json()?.as_bytes())?;
         for name in FILES {
             remove(&run.root.join(name), |path| std::fs::remove_file(path))?;
         }
@@ -87,7 +91,6 @@ impl RunDir {
             remove(&folder, |path| std::fs::remove_dir_all(path))?;
             create_dir(&folder)?;
         }
-        write_file(&run.root.join("config.json"), config.to_json()?.as_bytes())?;
         Ok(run)
     }
 
@@ -123,12 +126,17 @@ impl RunDir {
         self.root.join("cameras.json")
     }
 
-    /// Folder for the virtual views' pictures.
-    pub fn virtual_views(&self) -> PathBuf {
-        self.root.join("virtual")
+    /// Contact sheet of the virtual views and their masks.
+    pub fn virtual_sheet(&self) -> PathBuf {
+        self.root.join("virtual").join(SHEET)
     }
 
-    /// Folder for the test views' pictures.
+    /// Contact sheet of the test views, each render beside its photograph.
+    pub fn test_sheet(&self) -> PathBuf {
+        self.root.join("test").join(SHEET)
+    }
+
+    /// Folder for the renders of the test views, which [`file_names`] names.
     pub fn test_views(&self) -> PathBuf {
         self.root.join("test")
     }

@@ -3,14 +3,15 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 /// One file name a view with extension `ext`: the view's name with its own extension replaced,
-/// folders joined by `_`. No name leaves its folder, and no two are alike, not even in case.
+/// folders joined by `_`. No name leaves its folder, and no two are alike, not even in case;
+/// that of the contact sheet is taken.
 pub fn file_names(views: &[&str], ext: &str) -> Vec<String> {
     let stems: Vec<String> = views.iter().map(|view| stem(&flat(view))).collect();
     let mut n_alike: BTreeMap<String, usize> = BTreeMap::new();
     for stem in &stems {
         *n_alike.entry(stem.to_lowercase()).or_default() += 1;
     }
-    let mut taken = BTreeSet::new();
+    let mut taken = BTreeSet::from([super::SHEET.to_owned()]);
     let mut names = Vec::with_capacity(views.len());
     for (view, stem) in views.iter().zip(stems) {
         // `a.jpg` and `a.png` keep their own extension, and what is alike even then a number.
