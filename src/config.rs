@@ -3,6 +3,11 @@
 //! A preset is a JSON file in `configs/` that states every value; a user's config file states
 //! what it changes and, under `"preset"`, what it changes it from.
 
+mod overlay;
+mod validate;
+
+pub use overlay::PRESETS;
+
 use serde::{Deserialize, Serialize};
 
 /// Everything that decides a training run. Lengths are relative to the sphere radius `R`.

@@ -1,6 +1,9 @@
 //! Scenes: posed photographs and a point cloud, from disk or built in.
 
 pub mod builtin;
+mod source;
+
+pub use source::{DEFAULT_BUILTIN_WIDTH, SceneSource};
 
 use glam::DVec3;
 

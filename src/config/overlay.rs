@@ -1,0 +1,201 @@
+//! Where a config comes from: a preset, overlaid by a file, overlaid by `key=value` settings.
+//!
+//! A config is edited as JSON, because a preset states every value: what the preset does not
+//! have is an unknown key. Each new value is checked against the schema the moment it is set,
+//! so that the error names its key.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use super::Config;
+use crate::error::{Error, Result, read_file};
+
+/// Name and text of every preset; the first is the default.
+pub const PRESETS: &[(&str, &str)] = &[
+    ("paper", include_str!("../../configs/paper.json")),
+    ("3dgs", include_str!("../../configs/3dgs.json")),
+];
+
+impl Config {
+    /// The preset of this name; a usage error lists those that exist.
+    pub fn preset(name: &str) -> Result<Config> {
+        let Some((_, text)) = PRESETS.iter().find(|(known, _)| *known == name) else {
+            let names = PRESETS.iter().map(|(known, _)| *known);
+            return Err(
+                Error::usage(format!("there is no preset `{name}`")).way_out(
+                    did_you_mean(name, names.clone())
+                        .unwrap_or_else(|| format!("choose from {}", quoted(names))),
+                ),
+            );
+        };
+        serde_json::from_str(text)
+            .map_err(|e| Error::usage(e.to_string()).at(format!("preset `{name}`")))
+    }
+
+    /// The config of a file: a JSON object that states what it changes and, under `"preset"`,
+    /// what it changes it from (`paper` unless stated). The `config.json` of a run is one, too.
+    /// The values' ranges are left to [`Config::validate`].
+    pub fn from_file(path: &Path) -> Result<Config> {
+        let bytes = read_file(path)?;
+        Self::from_overlay(&bytes).map_err(|e| e.at_path(path))
+    }
+
+    fn from_overlay(bytes: &[u8]) -> Result<Config> {
+        let overlay: Value = serde_json::from_slice(bytes)
+            .map_err(|e| Error::usage(format!("not valid JSON: {e}")))?;
+        let Value::Object(mut overlay) = overlay else {
+            return Err(Error::usage("a config is a JSON object")
+                .way_out("write for example {\"preset\": \"paper\", \"iterations\": 3000}"));
+        };
+        let config = match overlay.remove("preset") {
+            None => Config::preset(PRESETS[0].0)?,
+            Some(Value::String(name)) => Config::preset(&name)?,
+            Some(other) => {
+                return Err(Error::usage(format!(
+                    "`preset` is {other}, which is no preset's name"
+                )));
+            }
+        };
+        config.overlaid(Value::Object(overlay))
+    }
+
+    /// Applies one `key=value` setting, as in `loss.ssim_weight=0.3`. The value is JSON, or
+    /// else a string.
+    pub fn set(&self, setting: &str) -> Result<Config> {
+        let Some((key, text)) = setting.split_once('=') else {
+            return Err(Error::usage(format!("`{setting}` is no setting"))
+                .way_out("write key=value, for example loss.ssim_weight=0.3"));
+        };
+        let key = key.trim();
+        let value =
+            serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.trim().to_owned()));
+        let nested = key
+            .rsplit('.')
+            .fold(value, |inner, part| serde_json::json!({ part: inner }));
+        self.overlaid(nested)
+    }
+
+    /// The config with every value that `overlay`, an object, has.
+    fn overlaid(&self, overlay: Value) -> Result<Config> {
+        let mut tree = self.tree()?;
+        let mut leaves = Vec::new();
+        collect_leaves(&tree, &overlay, String::new(), &mut leaves)?;
+        let mut config = self.clone();
+        for (key, value) in leaves {
+            let shown = value.to_string();
+            if let Some(slot) = tree.pointer_mut(&format!("/{}", key.replace('.', "/"))) {
+                *slot = value;
+            }
+            config = Config::deserialize_at(&tree, &key, &shown)?;
+        }
+        Ok(config)
+    }
+
+    fn deserialize_at(tree: &Value, key: &str, shown: &str) -> Result<Config> {
+        serde_json::from_value(tree.clone())
+            .map_err(|e| Error::usage(format!("`{key}` cannot be {shown}: {e}")))
+    }
+
+    fn tree(&self) -> Result<Value> {
+        serde_json::to_value(self).map_err(|e| Error::new(format!("config: {e}")))
+    }
+
+    /// The whole config as indented JSON with a newline at the end.
+    pub fn to_json(&self) -> Result<String> {
+        serde_json::to_string_pretty(self)
+            .map(|text| text + "\n")
+            .map_err(|e| Error::new(format!("config: {e}")))
+    }
+}
+
+/// Lists `overlay`'s values with their dotted keys, in its order; every key must be in `tree`.
+fn collect_leaves(
+    tree: &Value,
+    overlay: &Value,
+    key: String,
+    leaves: &mut Vec<(String, Value)>,
+) -> Result<()> {
+    let Value::Object(section) = tree.pointer(&pointer(&key)).unwrap_or(&Value::Null) else {
+        leaves.push((key, overlay.clone()));
+        return Ok(());
+    };
+    let Value::Object(overlay) = overlay else {
+        return Err(
+            Error::usage(format!("`{key}` is a section and cannot be {overlay}")).way_out(format!(
+                "set one of {}",
+                quoted(section.keys().map(|name| format!("{key}.{name}")))
+            )),
+        );
+    };
+    for (name, value) in overlay {
+        let inner = if key.is_empty() {
+            name.clone()
+        } else {
+            format!("{key}.{name}")
+        };
+        if inner == "preset" {
+            return Err(Error::usage("`preset` is no setting")
+                .way_out("choose one with --preset, or with \"preset\" in a config file"));
+        }
+        if !section.contains_key(name) {
+            return Err(unknown_key(tree, &inner));
+        }
+        collect_leaves(tree, value, inner, leaves)?;
+    }
+    Ok(())
+}
+
+fn unknown_key(tree: &Value, key: &str) -> Error {
+    let mut known = Vec::new();
+    list_keys(tree, "", &mut known);
+    if known.iter().any(|k| k == key) {
+        return Error::usage(format!("`{key}` stands in a file as one dotted key"))
+            .way_out("nest it: {\"section\": {\"key\": value}}");
+    }
+    let last = key.rsplit('.').next().unwrap_or(key);
+    // A key under the wrong section is a likelier slip than three wrong letters.
+    let same_name = known
+        .iter()
+        .find(|k| k.rsplit('.').next() == Some(last))
+        .map(|k| format!("did you mean `{k}`?"));
+    Error::usage(format!("there is no config key `{key}`")).way_out(
+        same_name
+            .or_else(|| did_you_mean(key, known.iter().map(String::as_str)))
+            .unwrap_or_else(|| "`config.json` of any run lists all keys".to_owned()),
+    )
+}
+
+fn list_keys(tree: &Value, prefix: &str, keys: &mut Vec<String>) {
+    let Value::Object(section) = tree else { return };
+    for (name, value) in section {
+        let key = format!("{prefix}{name}");
+        list_keys(value, &format!("{key}."), keys);
+        keys.push(key);
+    }
+}
+
+/// JSON pointer of a dotted key; that of the empty key is the whole.
+fn pointer(key: &str) -> String {
+    if key.is_empty() {
+        String::new()
+    } else {
+        format!("/{}", key.replace('.', "/"))
+    }
+}
+
+/// The nearest of `known`, if it is near.
+fn did_you_mean<'a>(wrong: &str, known: impl Iterator<Item = &'a str>) -> Option<String> {
+    known
+        .map(|k| (strsim::damerau_levenshtein(wrong, k), k))
+        .min()
+        .filter(|(distance, k)| *distance <= 1 + k.len() / 4)
+        .map(|(_, k)| format!("did you mean `{k}`?"))
+}
+
+fn quoted(names: impl Iterator<Item = impl std::fmt::Display>) -> String {
+    names
+        .map(|name| format!("`{name}`"))
+        .collect::<Vec<_>>()
+        .join(", ")
+}

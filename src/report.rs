@@ -1,0 +1,55 @@
+//! What a run shows: image files, contact sheets and tables.
+
+mod sheet;
+mod table;
+
+pub use sheet::{ContactSheet, mask_image};
+pub use table::{Table, evaluation_table};
+
+use std::io::Cursor;
+use std::path::Path;
+
+use image::codecs::openexr::OpenExrEncoder;
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder};
+
+use crate::error::{Error, Result, write_file};
+use crate::scene::Image;
+
+/// Writes an 8-bit RGB PNG.
+pub fn write_png(path: &Path, image: &Image) -> Result<()> {
+    let mut bytes = Vec::new();
+    check_len(path, image.width, image.height, image.rgb.len())?;
+    PngEncoder::new(&mut bytes)
+        .write_image(
+            &image.rgb,
+            image.width,
+            image.height,
+            ExtendedColorType::Rgb8,
+        )
+        .map_err(|e| Error::new(format!("cannot encode as PNG: {e}")).at_path(path))?;
+    write_file(path, &bytes)
+}
+
+/// Writes 32-bit float RGB as OpenEXR, unclamped. `rgb`: `height * width * 3` values.
+pub fn write_exr(path: &Path, width: u32, height: u32, rgb: &[f32]) -> Result<()> {
+    let mut bytes = Cursor::new(Vec::new());
+    check_len(path, width, height, rgb.len())?;
+    OpenExrEncoder::new(&mut bytes)
+        .write_image(
+            bytemuck::cast_slice(rgb),
+            width,
+            height,
+            ExtendedColorType::Rgb32F,
+        )
+        .map_err(|e| Error::new(format!("cannot encode as EXR: {e}")).at_path(path))?;
+    write_file(path, &bytes.into_inner())
+}
+
+/// The encoders panic on a buffer of another size.
+fn check_len(path: &Path, width: u32, height: u32, n: usize) -> Result<()> {
+    if u64::from(width) * u64::from(height) * 3 == n as u64 && n > 0 {
+        return Ok(());
+    }
+    Err(Error::new(format!("a picture of {width}x{height} has {n} values")).at_path(path))
+}

@@ -1,0 +1,102 @@
+//! Markdown tables.
+
+use std::fmt::{self, Write as _};
+
+use crate::run::Evaluation;
+
+/// A Markdown table. The first column is aligned to the left, the others, figures, to the right.
+#[derive(Clone, Debug)]
+pub struct Table {
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    pub fn new(header: &[&str]) -> Table {
+        Table {
+            rows: vec![header.iter().map(|cell| escaped(cell)).collect()],
+        }
+    }
+
+    /// Appends a row; cells beyond the header's are left out, missing ones are empty.
+    pub fn row(&mut self, cells: &[String]) {
+        let mut row: Vec<String> = cells.iter().map(|cell| escaped(cell)).collect();
+        row.resize(self.rows[0].len(), String::new());
+        self.rows.push(row);
+    }
+}
+
+impl fmt::Display for Table {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let n_columns = self.rows[0].len();
+        let widths: Vec<usize> = (0..n_columns)
+            .map(|column| {
+                let widths = self.rows.iter().map(|row| row[column].chars().count());
+                widths.max().unwrap_or(0).max(3)
+            })
+            .collect();
+        for (i, row) in self.rows.iter().enumerate() {
+            for (column, (cell, &width)) in row.iter().zip(&widths).enumerate() {
+                if column == 0 {
+                    write!(f, "| {cell:width$} |")?;
+                } else {
+                    write!(f, " {cell:>width$} |")?;
+                }
+            }
+            f.write_char('\n')?;
+            if i == 0 {
+                for (column, &width) in widths.iter().enumerate() {
+                    if column == 0 {
+                        write!(f, "|{}|", "-".repeat(width + 2))?;
+                    } else {
+                        write!(f, "{}:|", "-".repeat(width + 1))?;
+                    }
+                }
+                f.write_char('\n')?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Names come from files: what would break the table or reach the terminal raw is replaced.
+fn escaped(cell: &str) -> String {
+    cell.chars()
+        .map(|c| if c.is_control() { ' ' } else { c })
+        .collect::<String>()
+        .replace('\\', "\\\\")
+        .replace('|', "\\|")
+}
+
+/// A run's errors per test view and in the mean, its size and training time.
+pub fn evaluation_table(run: &str, evaluation: &Evaluation) -> String {
+    let mut table = Table::new(&["view", "PSNR dB", "SSIM", "LPIPS"]);
+    for view in &evaluation.views {
+        table.row(&[
+            view.name.clone(),
+            figure(view.psnr, 2),
+            figure(view.ssim, 4),
+            figure(view.lpips, 4),
+        ]);
+    }
+    let mean = &evaluation.mean;
+    table.row(&[
+        format!("**mean of {}**", evaluation.views.len()),
+        figure(mean.psnr, 2),
+        figure(mean.ssim, 4),
+        figure(mean.lpips, 4),
+    ]);
+    format!(
+        "### {}\n\n{table}\n{} Gaussians, trained in {} s\n",
+        escaped(run),
+        evaluation.n_gaussians,
+        figure(evaluation.train_s, 1)
+    )
+}
+
+/// `n/a` for what was not measured.
+fn figure(value: Option<f64>, digits: usize) -> String {
+    match value {
+        Some(value) => format!("{value:.digits$}"),
+        None => "n/a".to_owned(),
+    }
+}

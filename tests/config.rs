@@ -1,0 +1,244 @@
+//! Presets, overlays and ranges of the config.
+
+use gspotential::config::{Config, PRESETS};
+use gspotential::error::{Error, ErrorKind};
+use serde_json::Value;
+
+fn paper() -> Config {
+    Config::preset("paper").unwrap()
+}
+
+/// Asserts a usage error that mentions all of `parts`.
+#[track_caller]
+fn assert_refused<T: std::fmt::Debug>(result: Result<T, Error>, parts: &[&str]) {
+    let error = result.expect_err("was accepted");
+    assert_eq!(error.kind(), ErrorKind::Usage, "{error}");
+    let text = error.to_string();
+    for part in parts {
+        assert!(text.contains(part), "no `{part}` in: {text}");
+    }
+    assert!(!text.contains('\n'), "more than one line: {text}");
+}
+
+fn file(text: &str) -> Result<Config, Error> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("my.json");
+    std::fs::write(&path, text).unwrap();
+    Config::from_file(&path)
+}
+
+fn leaves(tree: &Value, prefix: &str, out: &mut Vec<String>) {
+    match tree {
+        Value::Object(section) => section
+            .iter()
+            .for_each(|(name, value)| leaves(value, &format!("{prefix}/{name}"), out)),
+        _ => out.push(prefix.to_owned()),
+    }
+}
+
+#[test]
+fn every_preset_states_every_value_under_its_own_name_and_is_valid() {
+    for (name, text) in PRESETS {
+        let config = Config::preset(name).unwrap();
+        config.validate().unwrap();
+        assert_eq!(config.preset, *name);
+
+        // Written out again, the config has the keys of the file, no more: nothing was left to
+        // a default. Optional values are what serde would let a file leave out.
+        let (mut stated, mut all) = (Vec::new(), Vec::new());
+        leaves(&serde_json::from_str(text).unwrap(), "", &mut stated);
+        leaves(&serde_json::to_value(&config).unwrap(), "", &mut all);
+        assert_eq!(stated, all, "preset `{name}`");
+    }
+}
+
+#[test]
+fn baseline_preset_differs_from_the_paper_only_in_views_and_coverage_rules() {
+    let mut baseline = Config::preset("3dgs").unwrap();
+    assert_eq!(baseline.views.count, 0);
+    assert!(!baseline.coverage.prune && !baseline.coverage.densify);
+    baseline.preset = "paper".into();
+    baseline.views.count = 256;
+    baseline.coverage.prune = true;
+    baseline.coverage.densify = true;
+    assert_eq!(baseline, paper());
+}
+
+#[test]
+fn settings_change_only_their_own_value() {
+    let config = paper().set("loss.ssim_weight=0.3").unwrap();
+    assert_eq!(config.loss.ssim_weight, 0.3);
+    assert_eq!(config.set("loss.ssim_weight=0.2").unwrap(), paper());
+
+    let config = paper().set("scene.max_points=500").unwrap();
+    assert_eq!(config.scene.max_points, Some(500));
+    let config = config.set("scene.max_points=null").unwrap();
+    assert_eq!(config.scene.max_points, None);
+
+    let config = paper().set("model.background=[1, 0.5, 0]").unwrap();
+    assert_eq!(config.model.background, [1.0, 0.5, 0.0]);
+    // An integer will do for a real number, a whole section for its values.
+    let config = paper().set("field={\"lambda\": 1}").unwrap();
+    assert_eq!(config.field.lambda, 1.0);
+    assert_eq!(config.field.sigma, paper().field.sigma);
+}
+
+#[test]
+fn unknown_keys_are_refused_with_the_near_miss() {
+    let set = |setting| paper().set(setting);
+    assert_refused(
+        set("loss.ssim_wieght=0.3"),
+        &["`loss.ssim_wieght`", "did you mean `loss.ssim_weight`?"],
+    );
+    assert_refused(
+        set("loss.sigma=1"),
+        &["`loss.sigma`", "did you mean `field.sigma`?"],
+    );
+    assert_refused(set("lss.ssim_weight=1"), &["`lss`", "`loss`"]);
+    assert_refused(set("xylophone=1"), &["`xylophone`", "config.json"]);
+    assert_refused(set("seed.low=1"), &["`seed`", "u64"]);
+    assert_refused(set("loss=3"), &["section", "`loss.ssim_weight`"]);
+    assert_refused(set("seed"), &["`seed`", "key=value"]);
+    assert_refused(set("preset=3dgs"), &["--preset"]);
+    assert_refused(set("=1"), &["no config key"]);
+    assert_refused(Config::preset("papr"), &["`papr`", "did you mean `paper`?"]);
+    assert_refused(Config::preset("xylophone"), &["`paper`", "`3dgs`"]);
+}
+
+#[test]
+fn wrong_types_are_named_with_their_key() {
+    for (setting, parts) in [
+        ("iterations=many", ["`iterations`", "\"many\""]),
+        ("iterations=1.5", ["`iterations`", "1.5"]),
+        ("iterations=-1", ["`iterations`", "-1"]),
+        ("iterations=5000000000", ["`iterations`", "5000000000"]),
+        ("coverage.prune=1", ["`coverage.prune`", "boolean"]),
+        ("loss.ssim_weight=NaN", ["`loss.ssim_weight`", "\"NaN\""]),
+        (
+            "loss.ssim_weight=1e999",
+            ["`loss.ssim_weight`", "\"1e999\""],
+        ),
+        ("model.background=[1,1]", ["`model.background`", "length 2"]),
+    ] {
+        assert_refused(paper().set(setting), &parts);
+    }
+}
+
+#[test]
+fn config_files_overlay_the_preset_that_they_name() {
+    let config = file(r#"{"preset": "3dgs", "iterations": 7, "loss": {"ssim_weight": 0.5}}"#);
+    let mut expected = Config::preset("3dgs").unwrap();
+    expected.iterations = 7;
+    expected.loss.ssim_weight = 0.5;
+    assert_eq!(config.unwrap(), expected);
+    assert_eq!(file("{}").unwrap(), paper());
+}
+
+#[test]
+fn faulty_config_files_are_named_with_line_or_key() {
+    assert_refused(file("{\n\"seed\": }"), &["my.json", "line 2 column"]);
+    assert_refused(file("[1]"), &["my.json", "object"]);
+    assert_refused(file(r#"{"preset": 3}"#), &["my.json", "`preset`"]);
+    assert_refused(file(r#"{"preset": "no"}"#), &["my.json", "`no`"]);
+    assert_refused(
+        file(r#"{"views": {"cuont": 3}}"#),
+        &["my.json", "`views.cuont`", "did you mean `views.count`?"],
+    );
+    assert_refused(file(r#"{"views.count": 3}"#), &["my.json", "nest"]);
+    let deep = format!("{}1{}", "[".repeat(100_000), "]".repeat(100_000));
+    assert_refused(file(&deep), &["recursion"]);
+}
+
+#[test]
+fn resolved_config_reads_back_as_it_was() {
+    let config = Config::preset("3dgs")
+        .unwrap()
+        .set("field.lambda=0.1")
+        .unwrap()
+        .set("seed=18446744073709551615")
+        .unwrap();
+    assert_eq!(file(&config.to_json().unwrap()).unwrap(), config);
+}
+
+#[test]
+fn values_out_of_range_are_refused_with_key_and_value() {
+    for setting in [
+        "iterations=0",
+        "scene.max_width_px=0",
+        "scene.max_size_px=0",
+        "scene.n_train=0",
+        "scene.max_points=0",
+        "field.sigma=0",
+        "field.lambda=-0.1",
+        "field.n_candidates=0",
+        "views.count=4097",
+        "views.epsilon=0",
+        "splat.size_px=0",
+        "splat.filter_window_px=4",
+        "splat.filter_window_px=4294967295",
+        "splat.filter_min_neighbors=25",
+        "model.sh_degree=4",
+        "model.sh_interval=0",
+        "model.initial_opacity=1",
+        "model.max_initial_scale_ratio=0",
+        "model.near=0",
+        "model.background=[0, 0, 1.5]",
+        "loss.ssim_weight=1.01",
+        "loss.virtual_weight=-1",
+        "optimizer.mean_lr_start=0",
+        "optimizer.mean_lr_end=1",
+        "optimizer.sh_lr=-1",
+        "optimizer.opacity_lr=-1",
+        "optimizer.scale_lr=-1",
+        "optimizer.rotation_lr=-1",
+        "optimizer.beta1=1",
+        "optimizer.beta2=-0.5",
+        "optimizer.epsilon=0",
+        "densify.start=6001",
+        "densify.interval=0",
+        "densify.gradient_threshold=0",
+        "densify.split_scale=0",
+        "densify.min_opacity=0.1",
+        "densify.max_scale=0",
+        "densify.max_screen=0",
+        "densify.opacity_reset_interval=0",
+        "densify.max_gaussians=0",
+        "coverage.interval=0",
+        "coverage.tau_min=0.5",
+        "coverage.tau_min=101",
+        "coverage.tau_max=19",
+        "coverage.delta_min=9e-4",
+        "coverage.delta_max=0",
+        "coverage.anisotropy_epsilon=0",
+        "coverage.max_pruned_share=1.1",
+    ] {
+        let config = paper().set(setting).unwrap();
+        let key = setting.split('=').next().unwrap();
+        // Of two values in the wrong order, the lower one's key is named.
+        let named = if key == "coverage.tau_max" {
+            "coverage.tau_min"
+        } else {
+            key
+        };
+        assert_refused(config.validate(), &[&format!("`{named}` is "), "allowed: "]);
+    }
+}
+
+#[test]
+fn values_that_are_no_number_are_refused() {
+    let edits: [fn(&mut Config) -> &mut f64; 6] = [
+        |c| &mut c.field.sigma,
+        |c| &mut c.field.lambda,
+        |c| &mut c.loss.ssim_weight,
+        |c| &mut c.coverage.tau_max,
+        |c| &mut c.optimizer.beta1,
+        |c| &mut c.densify.min_opacity,
+    ];
+    for edit in edits {
+        for value in [f64::NAN, f64::INFINITY] {
+            let mut config = paper();
+            *edit(&mut config) = value;
+            assert_refused(config.validate(), &["allowed"]);
+        }
+    }
+}

@@ -1,0 +1,224 @@
+//! The run directory and what is written there.
+
+use std::fs;
+
+use gspotential::config::Config;
+use gspotential::run::{
+    Evaluation, LossSample, Memory, Metrics, ModelSize, PoseProtocol, RunDir, SceneRecord, Seconds,
+    ViewScore, file_names, peak_host_bytes,
+};
+use serde_json::Value;
+
+fn config() -> Config {
+    Config::preset("paper").unwrap().set("seed=7").unwrap()
+}
+
+fn view(name: &str, psnr: f64, ssim: f64) -> ViewScore {
+    ViewScore {
+        name: name.into(),
+        psnr: Some(psnr),
+        ssim: Some(ssim),
+        lpips: None,
+    }
+}
+
+#[test]
+fn new_run_holds_its_config_and_folders() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("runs/a");
+    let run = RunDir::create(&root, &config(), false).unwrap();
+    assert_eq!(RunDir::open(&root).unwrap().config().unwrap(), config());
+    assert!(run.test_views().is_dir() && run.virtual_sheet().parent().unwrap().is_dir());
+    assert_eq!(
+        RunDir::default_path("garden", &config()),
+        std::path::Path::new("runs/garden-paper-seed7")
+    );
+}
+
+#[test]
+fn existing_run_is_refused_unless_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    let run = RunDir::create(root, &config(), false).unwrap();
+    let error = RunDir::create(root, &config(), false).unwrap_err();
+    assert_eq!(error.exit_code(), 1);
+    assert!(error.to_string().contains("--overwrite"), "{error}");
+
+    // What an older run left must not stand beside the new one's; a user's notes may.
+    for name in ["eval.json", "point_cloud.ply", "test/old.png", "notes.txt"] {
+        fs::write(root.join(name), "old").unwrap();
+    }
+    RunDir::create(root, &config(), true).unwrap();
+    assert!(!root.join("eval.json").exists() && !run.point_cloud().exists());
+    assert!(!root.join("test/old.png").exists());
+    assert_eq!(fs::read_to_string(root.join("notes.txt")).unwrap(), "old");
+}
+
+#[test]
+fn folder_that_is_no_run_is_never_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("test")).unwrap();
+    fs::write(folder.path().join("test/precious.txt"), "x").unwrap();
+    // Not even beside somebody else's config.json.
+    for other in [None, Some("{\"preset\": 1}")] {
+        if let Some(text) = other {
+            fs::write(folder.path().join("config.json"), text).unwrap();
+        }
+        let error = RunDir::create(folder.path(), &config(), true).unwrap_err();
+        assert!(error.to_string().contains("no run"), "{error}");
+        assert!(folder.path().join("test/precious.txt").exists());
+    }
+}
+
+#[test]
+fn unwritable_output_is_an_error_that_names_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("file");
+    fs::write(&file, "x").unwrap();
+    for root in [file.clone(), file.join("run")] {
+        let error = RunDir::create(&root, &config(), false).unwrap_err();
+        assert_eq!(error.exit_code(), 1);
+        assert!(
+            error.to_string().contains(&*root.to_string_lossy()),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn folder_without_config_is_no_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let error = RunDir::open(folder.path()).unwrap_err();
+    assert!(error.to_string().contains("no config.json"), "{error}");
+}
+
+#[test]
+fn evaluation_has_the_mean_of_the_views_values_and_null_for_the_rest() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = RunDir::create(folder.path(), &config(), false).unwrap();
+    let views = vec![view("a", 10.0, 0.25), view("b", 20.0, 0.75)];
+    let evaluation = Evaluation::new(views, 42, Some(1.5));
+    run.write_evaluation(&evaluation).unwrap();
+    assert_eq!(run.evaluation().unwrap(), evaluation);
+
+    let text = fs::read_to_string(folder.path().join("eval.json")).unwrap();
+    let tree: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(
+        tree,
+        serde_json::json!({
+            "mean": {"psnr": 15.0, "ssim": 0.5, "lpips": null},
+            "views": [
+                {"name": "a", "psnr": 10.0, "ssim": 0.25, "lpips": null},
+                {"name": "b", "psnr": 20.0, "ssim": 0.75, "lpips": null},
+            ],
+            "n_gaussians": 42,
+            "train_s": 1.5,
+        })
+    );
+    assert!(Evaluation::new(Vec::new(), 1, None).mean.psnr.is_none());
+}
+
+#[test]
+fn infinite_psnr_is_null_in_json() {
+    let evaluation = Evaluation::new(vec![view("a", f64::INFINITY, 1.0)], 1, None);
+    let tree = serde_json::to_value(&evaluation).unwrap();
+    assert!(tree["views"][0]["psnr"].is_null() && tree["mean"]["psnr"].is_null());
+    assert_eq!(tree["mean"]["ssim"], 1.0);
+}
+
+#[test]
+fn metrics_read_back_and_keep_what_may_vary_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = RunDir::create(folder.path(), &config(), false).unwrap();
+    let metrics = Metrics {
+        version: "1".into(),
+        adapter: "none".into(),
+        seed: 7,
+        iterations: 10,
+        scene: SceneRecord {
+            source: "builtin:64".into(),
+            name: "builtin".into(),
+            train_views: vec!["a".into()],
+            test_views: vec!["b".into()],
+            n_points: 3,
+            pose_protocol: PoseProtocol::SharedFrame,
+        },
+        seconds: Seconds {
+            train: Some(0.5),
+            ..Seconds::default()
+        },
+        memory: Memory {
+            host_peak_bytes: peak_host_bytes(),
+            gpu_peak_bytes: Some(1),
+        },
+        loss: vec![LossSample {
+            iteration: 1,
+            real: 0.1,
+            virt: None,
+        }],
+        model_size: vec![ModelSize {
+            iteration: 0,
+            n_gaussians: 3,
+        }],
+    };
+    run.write_metrics(&metrics).unwrap();
+    assert_eq!(run.metrics().unwrap(), metrics);
+    let tree = serde_json::to_value(&metrics).unwrap();
+    assert_eq!(tree["scene"]["pose_protocol"], "shared_frame");
+    assert!(tree["seconds"]["load"].is_null());
+    for stage in ["load", "field", "sample", "splat", "train", "eval"] {
+        assert!(tree["seconds"].get(stage).is_some(), "no `{stage}`");
+    }
+
+    fs::write(folder.path().join("metrics.json"), "{").unwrap();
+    let error = run.metrics().unwrap_err().to_string();
+    assert!(error.contains("metrics.json"), "{error}");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn peak_memory_covers_what_was_touched() {
+    let block = vec![1u8; 64 << 20];
+    let peak = peak_host_bytes().unwrap();
+    assert!((64 << 20..1 << 40).contains(&peak), "{peak}");
+    assert_eq!(std::hint::black_box(&block)[77], 1);
+}
+
+#[test]
+fn view_names_become_file_names_that_stay_in_their_folder_and_differ() {
+    assert_eq!(
+        file_names(
+            &["DSC001.JPG", "virtual_000", "left/1.png", "right/1.png"],
+            "png"
+        ),
+        ["DSC001.png", "virtual_000.png", "left_1.png", "right_1.png"]
+    );
+    assert_eq!(
+        file_names(&["1.jpg", "1.png", "A.jpg", "a.png"], "exr"),
+        ["1.jpg.exr", "1.png.exr", "A.jpg.exr", "a.png.exr"]
+    );
+    // Alike even with their extensions.
+    assert_eq!(
+        file_names(&["a/b.png", "a_b.png"], "png"),
+        ["a_b.png.png", "a_b.png_2.png"]
+    );
+    assert_eq!(
+        file_names(&["contact_sheet.jpg"], "png"),
+        ["contact_sheet_2.png"]
+    );
+    for name in file_names(
+        &[
+            "../../etc/passwd",
+            "/root/x.png",
+            "..",
+            "",
+            "a\\..\\b",
+            "a\0b\n.png",
+            "C:x",
+        ],
+        "png",
+    ) {
+        assert!(!name.contains(['/', '\\', ':', '\0', '\n']), "{name}");
+        assert!(!name.starts_with('.'), "{name}");
+    }
+}
