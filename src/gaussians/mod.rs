@@ -5,6 +5,7 @@ pub mod ply;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use rstar::RTree;
+use rstar::primitives::GeomWithData;
 
 use crate::camera::Frame;
 use crate::config::ModelConfig;
@@ -161,16 +162,27 @@ fn neighbor_distances(points: &[Vec3]) -> Vec<Option<f64>> {
     order.par_sort_unstable_by_key(|i| (key(i), *i));
     let places: Vec<&[u32]> = order.chunk_by(|a, b| key(a) == key(b)).collect();
     let position = |place: &[u32]| points[place[0] as usize].as_dvec3().to_array();
-    let tree = RTree::bulk_load(places.iter().map(|place| position(place)).collect());
+    let tree = RTree::bulk_load(
+        places
+            .iter()
+            .map(|place| GeomWithData::new(position(place), place.len()))
+            .collect(),
+    );
     let means: Vec<Option<f64>> = places
         .par_iter()
         .map(|place| {
-            let coincident = (place.len() - 1).min(3);
-            let others = tree
-                .nearest_neighbor_iter_with_distance_2(position(place))
-                .skip(1)
-                .take(3 - coincident);
-            let (sum, n) = others.fold((0.0, coincident), |(sum, n), (_, d)| (sum + d, n + 1));
+            // The place itself comes first, at distance 0 and without the point that asks.
+            let mut n = 0;
+            let mut sum = 0.0;
+            for (other, squared) in tree.nearest_neighbor_iter_with_distance_2(position(place)) {
+                let count = other.data - usize::from(squared == 0.0);
+                let taken = count.min(3 - n);
+                sum += taken as f64 * squared;
+                n += taken;
+                if n == 3 {
+                    break;
+                }
+            }
             (n > 0).then(|| sum / n as f64)
         })
         .collect();

@@ -1,0 +1,79 @@
+//! Cameras, clouds and random numbers for the geometric tests.
+
+use glam::{DMat3, DVec3, dvec3};
+use gspotential::camera::Camera;
+use gspotential::config::Config;
+use gspotential::scene::PointCloud;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// A 64x48 camera at `eye` that looks at `target`, written without the crate's own look-at.
+pub fn camera(eye: DVec3, target: DVec3) -> Camera {
+    let forward = (target - eye).normalize();
+    let helper = if forward.z.abs() < 0.9 {
+        DVec3::Z
+    } else {
+        DVec3::X
+    };
+    let right = forward.cross(helper).normalize();
+    let down = forward.cross(right);
+    let rotation = DMat3::from_cols(right, down, forward).transpose();
+    Camera {
+        name: format!("{eye}"),
+        width: 64,
+        height: 48,
+        fx: 50.0,
+        fy: 52.0,
+        cx: 32.0,
+        cy: 24.0,
+        rotation,
+        translation: -(rotation * eye),
+    }
+}
+
+/// `n` cameras on a slanted ring of radius 3 and height 2 around `focus`, looking at it.
+pub fn ring(n: usize, focus: DVec3) -> Vec<Camera> {
+    (0..n)
+        .map(|i| {
+            let (sin, cos) = (i as f64 * 1.1).sin_cos();
+            camera(focus + dvec3(3.0 * cos, 3.0 * sin, 2.0), focus)
+        })
+        .collect()
+}
+
+pub fn cloud(positions: Vec<DVec3>) -> PointCloud {
+    PointCloud {
+        colors: (0..positions.len())
+            .map(|i| [i as u8, (i >> 8) as u8, (i >> 16) as u8])
+            .collect(),
+        positions,
+        confidence: None,
+    }
+}
+
+/// The `paper` preset.
+pub fn paper() -> Config {
+    serde_json::from_str(include_str!("../configs/paper.json")).expect("the paper preset")
+}
+
+/// Seeded uniform numbers.
+pub struct Random(ChaCha8Rng);
+
+impl Random {
+    pub fn new(seed: u64) -> Random {
+        Random(ChaCha8Rng::seed_from_u64(seed))
+    }
+
+    pub fn index(&mut self, n: usize) -> usize {
+        (self.0.next_u64() % n as u64) as usize
+    }
+
+    pub fn in_range(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * (self.0.next_u64() as f64 / u64::MAX as f64)
+    }
+
+    pub fn in_cube(&mut self, half: f64) -> DVec3 {
+        let mut draw = || self.in_range(-half, half);
+        dvec3(draw(), draw(), draw())
+    }
+}

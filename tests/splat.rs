@@ -1,0 +1,342 @@
+//! Point splatting against brute force.
+
+use glam::{DMat3, DVec3, dvec3};
+use gspotential::camera::{Camera, Frame};
+use gspotential::config::SplatConfig;
+use gspotential::scene::PointCloud;
+use gspotential::splat::{SplatImage, splat_views};
+
+use crate::geometry::{Random, camera, cloud};
+
+const NEAR: f64 = 0.01;
+
+fn config(size_px: u32, filter_window_px: u32, filter_min_neighbors: u32) -> SplatConfig {
+    SplatConfig {
+        size_px,
+        filter_window_px,
+        filter_min_neighbors,
+    }
+}
+
+fn splat(cloud: &PointCloud, camera: &Camera, config: &SplatConfig) -> SplatImage {
+    splat_views(
+        cloud,
+        &Frame::IDENTITY,
+        std::slice::from_ref(camera),
+        config,
+        NEAR,
+    )
+    .unwrap()
+    .remove(0)
+}
+
+/// A camera at the origin that looks along +z; `u = x / z + 8`, `v = y / z + 6`.
+fn plain_camera() -> Camera {
+    Camera {
+        name: "plain".into(),
+        width: 16,
+        height: 12,
+        fx: 1.0,
+        fy: 1.0,
+        cx: 8.0,
+        cy: 6.0,
+        rotation: DMat3::IDENTITY,
+        translation: DVec3::ZERO,
+    }
+}
+
+/// The nearest point of every pixel by looking at all points for each pixel: squares that
+/// contain the pixel, smallest f32 depth, lowest index.
+fn brute_force(cloud: &PointCloud, camera: &Camera, size_px: u32, near: f64) -> Vec<Option<usize>> {
+    let mut nearest = Vec::new();
+    for row in 0..camera.height {
+        for column in 0..camera.width {
+            let mut best: Option<(f32, usize)> = None;
+            for (i, p) in cloud.positions.iter().enumerate() {
+                let q = camera.rotation * *p + camera.translation;
+                if q.z <= near {
+                    continue;
+                }
+                let left =
+                    (camera.fx * q.x / q.z + camera.cx - 0.5 * f64::from(size_px - 1)).floor();
+                let top =
+                    (camera.fy * q.y / q.z + camera.cy - 0.5 * f64::from(size_px - 1)).floor();
+                let inside = |pixel: u32, first: f64| {
+                    (first..first + f64::from(size_px)).contains(&f64::from(pixel))
+                };
+                if inside(column, left)
+                    && inside(row, top)
+                    && best.is_none_or(|(z, _)| (q.z as f32) < z)
+                {
+                    best = Some((q.z as f32, i));
+                }
+            }
+            nearest.push(best.map(|b| b.1));
+        }
+    }
+    nearest
+}
+
+/// The connectivity filter, pixel by pixel.
+fn brute_force_filter(mask: &[bool], width: usize, window: usize, min: usize) -> Vec<bool> {
+    let (reach, height) = ((window / 2) as isize, mask.len() / width);
+    let at = |x: isize, y: isize| {
+        (0..width as isize).contains(&x)
+            && (0..height as isize).contains(&y)
+            && mask[y as usize * width + x as usize]
+    };
+    (0..mask.len() as isize)
+        .map(|i| {
+            let (x, y) = (i % width as isize, i / width as isize);
+            let mut neighbors = 0;
+            for dy in -reach..=reach {
+                for dx in -reach..=reach {
+                    neighbors += usize::from((dx, dy) != (0, 0) && at(x + dx, y + dy));
+                }
+            }
+            at(x, y) && neighbors >= min
+        })
+        .collect()
+}
+
+fn random_cloud(seed: u64, n: usize) -> PointCloud {
+    let mut random = Random::new(seed);
+    let mut positions: Vec<DVec3> = (0..n).map(|_| random.in_cube(1.0)).collect();
+    // Some coincide: the lower index has to win.
+    for _ in 0..n / 4 {
+        let (from, to) = (random.index(n), random.index(n));
+        positions[to] = positions[from];
+    }
+    cloud(positions)
+}
+
+fn expected(cloud: &PointCloud, nearest: &[Option<usize>]) -> Vec<u8> {
+    nearest
+        .iter()
+        .flat_map(|nearest| match nearest {
+            Some(i) => {
+                let [r, g, b] = cloud.colors[*i];
+                [r, g, b, 255]
+            }
+            None => [0; 4],
+        })
+        .collect()
+}
+
+#[test]
+fn splat_equals_the_brute_force_z_buffer() {
+    // More points than one block, sizes odd and even, cameras outside and within the cloud.
+    let points = random_cloud(1, 700);
+    for size_px in [1, 2, 3, 8, 1000] {
+        for eye in [
+            dvec3(2.0, 1.0, 0.5),
+            dvec3(0.1, 0.0, -0.2),
+            dvec3(-0.9, 0.9, 0.9),
+        ] {
+            let camera = camera(eye, dvec3(0.05, -0.1, 0.0));
+            let image = splat(&points, &camera, &config(size_px, 5, 0));
+            let nearest = brute_force(&points, &camera, size_px, NEAR);
+            let expected = expected(&points, &nearest);
+            assert!(nearest.iter().any(Option::is_some));
+            assert!(image.rgba == expected, "size {size_px} from {eye}");
+        }
+    }
+}
+
+#[test]
+fn the_comparison_with_brute_force_sees_one_changed_point() {
+    let mut points = random_cloud(1, 700);
+    let camera = camera(dvec3(2.0, 1.0, 0.5), DVec3::ZERO);
+    let nearest = brute_force(&points, &camera, 1, NEAR);
+    let seen = nearest.iter().flatten().next().copied().unwrap();
+    let before = expected(&points, &nearest);
+    points.positions[seen] += dvec3(0.0, 0.0, 0.1);
+    assert!(splat(&points, &camera, &config(1, 5, 0)).rgba != before);
+}
+
+#[test]
+fn equal_depths_go_to_the_lower_index_and_nearer_points_win() {
+    let camera = plain_camera();
+    let red_of = |depths: &[f64]| {
+        let positions = depths.iter().map(|z| dvec3(0.0, 0.0, *z)).collect();
+        splat(&cloud(positions), &camera, &config(1, 5, 0)).rgba[(6 * 16 + 8) * 4]
+    };
+    assert_eq!(red_of(&[2.0, 2.0, 2.0]), 0);
+    assert_eq!(red_of(&[3.0, 2.0, 2.0, 4.0]), 1);
+    // Depths that only f64 tells apart count as equal.
+    assert_eq!(red_of(&[2.0 + 1e-12, 2.0]), 0);
+    assert_eq!(red_of(&[2.0 + 1e-6, 2.0]), 1);
+}
+
+#[test]
+fn a_point_falls_into_the_pixel_that_contains_it() {
+    let camera = plain_camera();
+    for (x, y, column, row) in [
+        (0.0, 0.0, 8, 6),
+        (-0.01, 0.0, 7, 6),
+        (0.99, 0.5, 8, 6),
+        (-8.0, -6.0, 0, 0),
+        (7.99, 5.99, 15, 11),
+    ] {
+        let image = splat(&cloud(vec![dvec3(x, y, 1.0)]), &camera, &config(1, 5, 0));
+        let covered: Vec<usize> = image
+            .mask()
+            .enumerate()
+            .filter(|m| m.1)
+            .map(|m| m.0)
+            .collect();
+        assert_eq!(covered, [row * 16 + column], "{x} {y}");
+    }
+    for (x, y) in [(-8.01, 0.0), (8.0, 0.0), (0.0, -6.01), (0.0, 6.0)] {
+        let image = splat(&cloud(vec![dvec3(x, y, 1.0)]), &camera, &config(1, 5, 0));
+        assert_eq!(image.coverage(), 0.0, "{x} {y}");
+    }
+}
+
+#[test]
+fn the_near_plane_scales_with_the_sphere_and_nothing_behind_it_is_drawn() {
+    let frame = Frame {
+        center: dvec3(7.0, 0.0, 0.0),
+        radius: 100.0,
+    };
+    let camera = plain_camera();
+    for (z, drawn) in [
+        (1.01, true),
+        (0.99, false),
+        (0.0, false),
+        (-5.0, false),
+        (f64::INFINITY, false),
+    ] {
+        let image = &splat_views(
+            &cloud(vec![dvec3(0.0, 0.0, z)]),
+            &frame,
+            std::slice::from_ref(&camera),
+            &config(1, 5, 0),
+            NEAR,
+        )
+        .unwrap()[0];
+        assert_eq!(image.coverage() > 0.0, drawn, "{z}");
+    }
+}
+
+#[test]
+fn the_image_does_not_depend_on_the_scenes_unit_or_origin() {
+    let points = random_cloud(3, 400);
+    let view = camera(dvec3(2.0, 1.0, 0.5), DVec3::ZERO);
+    let reference = splat(&points, &view, &config(2, 5, 2));
+    for unit in [1e-6, 1e6] {
+        for shift in [DVec3::ZERO, dvec3(1e5, -2e5, 3e5)] {
+            let frame = Frame {
+                center: shift * unit,
+                radius: unit,
+            };
+            let mut moved = points.clone();
+            moved
+                .positions
+                .iter_mut()
+                .for_each(|p| *p = frame.to_world(*p));
+            let eye = frame.to_world(view.center());
+            let camera = Camera {
+                translation: -(view.rotation * eye),
+                ..view.clone()
+            };
+            let image = splat_views(&moved, &frame, &[camera], &config(2, 5, 2), NEAR).unwrap();
+            assert!(image[0] == reference, "unit {unit}, shift {shift}");
+        }
+    }
+}
+
+#[test]
+fn the_filter_equals_its_brute_force_twin() {
+    let points = random_cloud(2, 260);
+    for (width, height) in [(64, 48), (1, 1), (7, 5), (3, 90), (90, 2)] {
+        let view = camera(dvec3(1.6, 1.0, 0.5), DVec3::ZERO).resized(width, height);
+        let unfiltered = splat(&points, &view, &config(1, 5, 0));
+        let mask: Vec<bool> = unfiltered.mask().collect();
+        for (window, min) in [
+            (5, 1),
+            (5, 2),
+            (5, 4),
+            (3, 1),
+            (1, 0),
+            (1, 1),
+            (9, 6),
+            (201, 30),
+        ] {
+            let image = splat(&points, &view, &config(1, window, min));
+            let kept = brute_force_filter(&mask, width as usize, window as usize, min as usize);
+            assert!(
+                image.mask().eq(kept.iter().copied()),
+                "{width}x{height} {window} {min}"
+            );
+            // Kept pixels keep their colour; removed ones lose it.
+            for (i, keep) in kept.iter().enumerate() {
+                let pixel = &image.rgba[i * 4..][..4];
+                let before = &unfiltered.rgba[i * 4..][..4];
+                assert_eq!(pixel, if *keep { before } else { &[0; 4] });
+            }
+        }
+    }
+}
+
+#[test]
+fn a_lone_pair_is_removed_and_a_trio_stays() {
+    // Points two pixels apart see each other in a 5x5 window; a pair has one neighbour each.
+    let at = |x: f64, y: f64| dvec3(x + 0.5, y + 0.5, 1.0);
+    let positions = vec![
+        at(-6.0, 0.0),
+        at(-4.0, 0.0),
+        at(2.0, 0.0),
+        at(4.0, 0.0),
+        at(3.0, 2.0),
+    ];
+    let image = splat(&cloud(positions), &plain_camera(), &config(1, 5, 2));
+    let covered: Vec<usize> = image
+        .mask()
+        .enumerate()
+        .filter(|m| m.1)
+        .map(|m| m.0)
+        .collect();
+    assert_eq!(covered, [6 * 16 + 10, 6 * 16 + 12, 8 * 16 + 11]);
+}
+
+#[test]
+fn splats_do_not_depend_on_the_number_of_threads() {
+    let points = random_cloud(4, 3000);
+    let mut random = Random::new(9);
+    let cameras: Vec<Camera> = (0..20)
+        .map(|i| camera(random.in_cube(1.0) * 3.0, DVec3::ZERO).resized(40 + i, 60 - i))
+        .collect();
+    let run = |n_threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(n_threads)
+            .build()
+            .unwrap();
+        pool.install(|| splat_views(&points, &Frame::IDENTITY, &cameras, &config(2, 5, 2), NEAR))
+            .unwrap()
+    };
+    let one = run(1);
+    assert!(one.iter().any(|image| image.coverage() > 0.1));
+    assert!(one == run(3));
+}
+
+#[test]
+fn settings_without_meaning_are_usage_errors() {
+    for (bad, name) in [
+        (config(0, 5, 2), "splat.size_px"),
+        (config(1, 4, 2), "splat.filter_window_px"),
+        (config(1, 0, 2), "splat.filter_window_px"),
+    ] {
+        let cameras = [plain_camera()];
+        let points = cloud(vec![DVec3::Z]);
+        let error = splat_views(&points, &Frame::IDENTITY, &cameras, &bad, NEAR).unwrap_err();
+        assert_eq!(error.exit_code(), 2);
+        assert!(error.to_string().contains(name), "{error}");
+    }
+}
+
+#[test]
+fn an_empty_cloud_gives_empty_masks() {
+    let image = splat(&PointCloud::default(), &plain_camera(), &config(3, 5, 2));
+    assert_eq!(image.rgba, vec![0; 16 * 12 * 4]);
+}
