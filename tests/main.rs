@@ -10,5 +10,6 @@ mod geometry;
 mod metrics;
 mod report;
 mod run;
+mod scene;
 mod splat;
 mod views;
