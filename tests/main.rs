@@ -12,4 +12,5 @@ mod report;
 mod run;
 mod scene;
 mod splat;
+mod twins;
 mod views;

@@ -1,0 +1,141 @@
+//! Image losses and their gradient, window by window.
+
+use rayon::prelude::*;
+
+const RADIUS: isize = 5;
+const SIGMA: f64 = 1.5;
+const C1: f64 = 0.01 * 0.01;
+const C2: f64 = 0.03 * 0.03;
+
+/// `(1 - w) L1 + w (1 - SSIM)` and its parts.
+#[derive(Clone, Debug)]
+pub struct TwinLoss {
+    pub loss: f64,
+    pub l1: f64,
+    pub ssim: f64,
+    /// `height * width * 3`.
+    pub d_render: Vec<f64>,
+}
+
+/// The 11x11 Gaussian window of sigma 1.5, sum 1, row-major.
+pub fn window() -> Vec<f64> {
+    let mut weights: Vec<f64> = (-RADIUS..=RADIUS)
+        .flat_map(|y| (-RADIUS..=RADIUS).map(move |x| (x * x + y * y) as f64))
+        .map(|r2| (-r2 / (2.0 * SIGMA * SIGMA)).exp())
+        .collect();
+    let sum: f64 = weights.iter().sum();
+    weights.iter_mut().for_each(|w| *w /= sum);
+    weights
+}
+
+/// The loss of `render` against `target`, both `height * width * 3`, and its gradient to `render`.
+///
+/// Without a mask the windows are zero-padded and everything is a mean over all values. With one,
+/// L1 is the mean over the valid pixels, a window's weights are those of its valid pixels,
+/// normalised, and SSIM is the mean over valid centres; invalid pixels are never read. With no
+/// valid pixel the loss and its gradient are 0.
+pub fn loss(
+    render: &[f64],
+    target: &[f64],
+    mask: Option<&[bool]>,
+    width: usize,
+    height: usize,
+    ssim_weight: f64,
+) -> TwinLoss {
+    assert_eq!(render.len(), width * height * 3);
+    assert_eq!(target.len(), render.len());
+    let valid = |pixel: usize| mask.is_none_or(|m| m[pixel]);
+    let n = 3 * (0..width * height).filter(|&p| valid(p)).count();
+    let mut out = TwinLoss {
+        loss: 0.0,
+        l1: 0.0,
+        ssim: 1.0,
+        d_render: vec![0.0; render.len()],
+    };
+    if n == 0 {
+        return out;
+    }
+    let mut l1 = 0.0;
+    for i in (0..render.len()).filter(|i| valid(i / 3)) {
+        let difference = render[i] - target[i];
+        l1 += difference.abs();
+        if difference != 0.0 {
+            out.d_render[i] = (1.0 - ssim_weight) * difference.signum() / n as f64;
+        }
+    }
+    out.l1 = l1 / n as f64;
+
+    let weights = window();
+    let channels: Vec<(f64, Vec<f64>)> = (0..3)
+        .into_par_iter()
+        .map(|c| {
+            let x: Vec<f64> = render.iter().skip(c).step_by(3).copied().collect();
+            let y: Vec<f64> = target.iter().skip(c).step_by(3).copied().collect();
+            let mut sum = 0.0;
+            let mut d_x = vec![0.0; x.len()];
+            for center in (0..x.len()).filter(|&p| valid(p)) {
+                let window = window_at(center, mask, width, height, &weights);
+                sum += window_ssim(&x, &y, &window, &mut d_x);
+            }
+            (sum, d_x)
+        })
+        .collect();
+    out.ssim = channels.iter().map(|(sum, _)| sum).sum::<f64>() / n as f64;
+    for (c, (_, d_x)) in channels.iter().enumerate() {
+        for (pixel, d) in d_x.iter().enumerate() {
+            out.d_render[pixel * 3 + c] -= ssim_weight * d / n as f64;
+        }
+    }
+    out.loss = (1.0 - ssim_weight) * out.l1 + ssim_weight * (1.0 - out.ssim);
+    out
+}
+
+/// Pixels and weights of the window around a pixel: those inside the image and valid, normalised
+/// if there is a mask.
+fn window_at(
+    center: usize,
+    mask: Option<&[bool]>,
+    width: usize,
+    height: usize,
+    weights: &[f64],
+) -> Vec<(usize, f64)> {
+    let side = 2 * RADIUS + 1;
+    let mut window: Vec<(usize, f64)> = (0..side * side)
+        .zip(weights)
+        .filter_map(|(k, &weight)| {
+            let x = (center % width).checked_add_signed(k % side - RADIUS)?;
+            let y = (center / width).checked_add_signed(k / side - RADIUS)?;
+            let inside = x < width && y < height && mask.is_none_or(|m| m[y * width + x]);
+            inside.then_some((y * width + x, weight))
+        })
+        .collect();
+    if mask.is_some() {
+        let sum: f64 = window.iter().map(|(_, w)| w).sum();
+        window.iter_mut().for_each(|(_, w)| *w /= sum);
+    }
+    window
+}
+
+/// SSIM of one window of one channel; adds its gradient to `d_x`.
+fn window_ssim(x: &[f64], y: &[f64], window: &[(usize, f64)], d_x: &mut [f64]) -> f64 {
+    let mean = |f: &dyn Fn(usize) -> f64| window.iter().map(|&(p, w)| w * f(p)).sum::<f64>();
+    let (mx, my) = (mean(&|p| x[p]), mean(&|p| y[p]));
+    let (mxx, myy) = (mean(&|p| x[p] * x[p]), mean(&|p| y[p] * y[p]));
+    let mxy = mean(&|p| x[p] * y[p]);
+    let luminance = [2.0 * mx * my + C1, mx * mx + my * my + C1];
+    let contrast = [
+        2.0 * (mxy - mx * my) + C2,
+        mxx - mx * mx + myy - my * my + C2,
+    ];
+    let ssim = luminance[0] / luminance[1] * contrast[0] / contrast[1];
+    // To the three moments that depend on x, by the quotient rule.
+    let d_mxy = ssim * 2.0 / contrast[0];
+    let d_mxx = -ssim / contrast[1];
+    let d_mx = ssim
+        * (2.0 * my / luminance[0] - 2.0 * mx / luminance[1] - 2.0 * my / contrast[0]
+            + 2.0 * mx / contrast[1]);
+    for &(p, w) in window {
+        d_x[p] += w * (d_mx + 2.0 * x[p] * d_mxx + y[p] * d_mxy);
+    }
+    ssim
+}
