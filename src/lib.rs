@@ -14,6 +14,7 @@ pub mod cameras_json;
 pub mod cli;
 pub mod config;
 pub mod error;
+pub mod eval;
 pub mod field;
 pub mod gaussians;
 pub mod gpu;

@@ -64,14 +64,23 @@ pub struct Memory {
     pub gpu_peak_bytes: Option<u64>,
 }
 
-/// The losses of one iteration.
+/// The losses of one iteration; means over all pixels, of a virtual view over its valid ones.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LossSample {
+    /// Number of finished iterations.
     pub iteration: u32,
-    /// `L_real`.
-    pub real: f64,
-    /// `L_virt` of the iteration's virtual view before its weight; null without virtual views.
-    pub virt: Option<f64>,
+    /// `L_real + alpha_k L_virt`.
+    pub loss: f64,
+    pub real: ImageLoss,
+    /// Of the iteration's virtual view, before its weight; null without virtual views.
+    pub virt: Option<ImageLoss>,
+}
+
+/// The parts of an image loss.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ImageLoss {
+    pub l1: f64,
+    pub ssim: f64,
 }
 
 /// Number of Gaussians after an iteration.
@@ -79,6 +88,18 @@ pub struct LossSample {
 pub struct ModelSize {
     pub iteration: u32,
     pub n_gaussians: usize,
+    /// What changed it; null for the start.
+    pub plan: Option<PlanCounts>,
+}
+
+/// How many Gaussians a densification or pruning step touched, by reason.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PlanCounts {
+    pub cloned: usize,
+    pub split: usize,
+    pub pruned_opacity: usize,
+    pub pruned_size: usize,
+    pub pruned_anisotropy: usize,
 }
 
 /// Errors at the test views: `eval.json`. JSON has no infinity: the PSNR of an identical image

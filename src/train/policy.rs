@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::schedule;
 use crate::config::Config;
 use crate::field::Coverage;
+use crate::run::PlanCounts;
 
 /// Random stream of the split positions, apart from those of other consumers of the seed.
 const STREAM: u64 = 0x7370_6c69_7400_0000;
@@ -39,16 +40,6 @@ pub struct Plan {
     pub sources: Vec<u32>,
     pub changes: Vec<[f32; 4]>,
     pub counts: PlanCounts,
-}
-
-/// How many Gaussians a plan touches, by reason.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct PlanCounts {
-    pub cloned: usize,
-    pub split: usize,
-    pub pruned_opacity: usize,
-    pub pruned_size: usize,
-    pub pruned_anisotropy: usize,
 }
 
 /// What happens to one Gaussian.

@@ -1,7 +1,7 @@
 //! The training loop.
 
 use super::optimizer::{Optimizer, OptimizerKernels, StepUniform};
-use super::policy::{self, PlanCounts};
+use super::policy;
 use super::schedule::{self, ViewOrder};
 use crate::camera::Camera;
 use crate::config::Config;
@@ -12,6 +12,7 @@ use crate::gpu::{Commands, Gpu};
 use crate::render::{
     Bound, Capacity, Kernels, LossUniform, Model, Pass, ViewUniform, Workspace, read_totals,
 };
+use crate::run::{ImageLoss, LossSample, PlanCounts};
 
 /// Iterations between two looks at the GPU: a loss sample, the overflow flag, the progress.
 const LOOK_INTERVAL: u32 = 10;
@@ -44,27 +45,20 @@ pub struct Supervision {
     pub extent: f64,
 }
 
-/// A look at the losses of one iteration; means over all (or all valid) pixels.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct LossSample {
-    /// Number of finished iterations.
-    pub iteration: u32,
-    pub l1: f64,
-    pub ssim: f64,
-    /// Of the virtual view, where the iteration had one.
-    pub virtual_l1: Option<f64>,
-    pub virtual_ssim: Option<f64>,
-    /// `L_real + alpha_k L_virt`.
-    pub loss: f64,
-    pub n_gaussians: usize,
-}
-
 /// Told of the training as it goes.
 pub trait Observer {
     /// After every look at the losses.
-    fn look(&mut self, sample: &LossSample);
-    /// After every change of the set of Gaussians.
-    fn changed(&mut self, iteration: u32, n_gaussians: usize, counts: &PlanCounts);
+    fn look(&mut self, sample: &LossSample, n_gaussians: usize);
+}
+
+/// A change of the set of Gaussians.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PlanRecord {
+    /// Number of finished iterations.
+    pub iteration: u32,
+    /// Gaussians after it.
+    pub n_gaussians: usize,
+    pub counts: PlanCounts,
 }
 
 /// What a training run leaves.
@@ -72,8 +66,7 @@ pub struct Trained {
     /// Canonical frame.
     pub gaussians: Gaussians,
     pub samples: Vec<LossSample>,
-    /// (iteration, Gaussians after it, what changed), one a plan.
-    pub plans: Vec<(u32, usize, PlanCounts)>,
+    pub plans: Vec<PlanRecord>,
 }
 
 /// Trains `start` on `supervision` for `config.iterations` iterations.
@@ -115,7 +108,7 @@ struct Trainer<'a> {
     bound: Bound,
     adam: Vec<wgpu::BindGroup>,
     samples: Vec<LossSample>,
-    plans: Vec<(u32, usize, PlanCounts)>,
+    plans: Vec<PlanRecord>,
 }
 
 impl<'a> Trainer<'a> {
@@ -182,10 +175,10 @@ impl<'a> Trainer<'a> {
                 continue;
             }
             let sample = self.sample(done, views)?;
-            observer.look(&sample);
+            observer.look(&sample, self.optimizer.model.n);
             self.samples.push(sample);
             if changes {
-                self.change(done, observer)?;
+                self.change(done)?;
             }
         }
         self.gpu.wait()
@@ -252,25 +245,27 @@ impl<'a> Trainer<'a> {
     ) -> Result<LossSample> {
         let losses = self.workspace.read_losses(self.gpu)?;
         let w = self.config.loss.ssim_weight;
-        let image = |[l1, ssim]: [f64; 2]| (1.0 - w) * l1 + w * (1.0 - ssim);
-        let mut loss = self.supervision.real[real].weight * image(losses[0]);
-        if let Some(k) = virtual_view {
+        let total = |loss: ImageLoss| (1.0 - w) * loss.l1 + w * (1.0 - loss.ssim);
+        let part = |slot: usize| ImageLoss {
+            l1: losses[slot][0],
+            ssim: losses[slot][1],
+        };
+        let virt = virtual_view.map(|_| part(1));
+        let mut loss = self.supervision.real[real].weight * total(part(0));
+        if let (Some(k), Some(part)) = (virtual_view, virt) {
             let weight = self.supervision.virtual_views[k].weight;
-            loss += weight * self.config.loss.virtual_weight * image(losses[1]);
+            loss += weight * self.config.loss.virtual_weight * total(part);
         }
         Ok(LossSample {
             iteration: done,
-            l1: losses[0][0],
-            ssim: losses[0][1],
-            virtual_l1: virtual_view.map(|_| losses[1][0]),
-            virtual_ssim: virtual_view.map(|_| losses[1][1]),
             loss,
-            n_gaussians: self.optimizer.model.n,
+            real: part(0),
+            virt,
         })
     }
 
     /// Densifies, prunes and resets as the schedule says after `done` iterations.
-    fn change(&mut self, done: u32, observer: &mut dyn Observer) -> Result<()> {
+    fn change(&mut self, done: u32) -> Result<()> {
         let config = self.config;
         if schedule::densifies(config, done) || schedule::prunes_by_coverage(config, done) {
             let gathered = self.optimizer.gather(self.gpu)?;
@@ -279,8 +274,12 @@ impl<'a> Trainer<'a> {
             self.optimizer
                 .rearrange(self.gpu, &self.optimizer_kernels, &plan)?;
             let n = self.optimizer.model.n;
-            self.plans.push((done, n, plan.counts));
-            observer.changed(done, n, &plan.counts);
+            let counts = plan.counts;
+            self.plans.push(PlanRecord {
+                iteration: done,
+                n_gaussians: n,
+                counts,
+            });
             if self.optimizer.model.stride > self.workspace.capacity.stride {
                 self.grow(0)?;
             } else {

@@ -98,6 +98,7 @@ pub fn scene(options: &BuiltinOptions) -> Scene {
         .collect();
     Scene {
         name: "builtin".into(),
+        source: format!("built-in scene, {width} pixels wide"),
         train,
         test,
         cloud,

@@ -1,0 +1,86 @@
+//! The stages in a row, as the commands call them.
+
+mod evaluate;
+mod render;
+mod train;
+
+pub use evaluate::evaluate;
+pub use render::render;
+pub use train::train;
+
+use std::path::PathBuf;
+
+use crate::camera::{Camera, Frame};
+use crate::error::{Error, Result};
+use crate::field::Focus;
+use crate::scene::builtin::BuiltinOptions;
+use crate::scene::{self, LoadOptions, Scene, SceneSource, View};
+
+/// What `render` renders.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RenderJob {
+    /// A Gaussian PLY file.
+    pub model: PathBuf,
+    pub cameras: CameraSource,
+    /// Otherwise a scene's test views, or every camera of a file.
+    pub views: Option<ViewSelection>,
+    pub out: PathBuf,
+    pub format: RenderFormat,
+}
+
+/// Where `render` takes its cameras from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum CameraSource {
+    Scene(SceneSource),
+    /// A run's `cameras.json`.
+    File(PathBuf),
+}
+
+/// Which cameras `render` renders.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ViewSelection {
+    Train,
+    Test,
+    Virtual,
+    Names(Vec<String>),
+}
+
+/// File format of `render`'s images.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum RenderFormat {
+    /// 8 bit, clamped.
+    Png,
+    /// 32-bit float, unclamped.
+    Exr,
+}
+
+/// Loads or makes the scene.
+pub fn load_scene(source: &SceneSource, options: &LoadOptions) -> Result<Scene> {
+    match source {
+        SceneSource::Folder(folder) => scene::load(folder, options),
+        SceneSource::Builtin { width } => {
+            if options.train_views.is_some() {
+                return Err(
+                    Error::usage("the built-in scene's training views are fixed")
+                        .way_out("leave --train-views out, or name a scene folder"),
+                );
+            }
+            Ok(scene::builtin::scene(&BuiltinOptions {
+                width: *width,
+                n_test: options.n_test,
+                ..BuiltinOptions::default()
+            }))
+        }
+    }
+}
+
+/// Focus and frame of a scene's training cameras.
+fn focus_of(scene: &Scene) -> Result<(Focus, Frame)> {
+    let focus = Focus::find(&cameras(&scene.train), &scene.cloud)?;
+    let frame = focus.frame();
+    Ok((focus, frame))
+}
+
+fn cameras(views: &[View]) -> Vec<Camera> {
+    views.iter().map(|view| view.camera.clone()).collect()
+}
