@@ -79,7 +79,9 @@ impl Focus {
                     spread.to_degrees()
                 )
             };
-            return along_axis(cameras, cloud, origin, direction(weakest), &why);
+            let axis = direction(weakest);
+            let ahead: f64 = cameras.iter().map(|c| c.forward().dot(axis)).sum();
+            return along_axis(cameras, cloud, origin, axis * ahead.signum(), &why);
         }
         let offset: DVec3 = (0..3)
             .map(|i| direction(i) * (direction(i).dot(b) / eigen.eigenvalues[i]))

@@ -123,6 +123,7 @@ fn fallback_median_is_weighted_by_confidence() {
     for (confidence, depth) in [
         (vec![1.0, 1.0, 1.0, 1.0, 9.0], 5.0),
         (vec![9.0, 1.0, 1.0, 1.0, 1.0], 1.0),
+        (vec![1.0, 1.0, 1.0, 1.0, 0.0], 2.0),
         // Weights that mean nothing count as none; without any, all count alike.
         (vec![f32::NAN, f32::INFINITY, -9.0, 1.0, 0.0], 4.0),
         (vec![0.0; 5], 3.0),

@@ -82,15 +82,16 @@ fn clouds_of_few_points_start_with_sensible_scales() {
         close(three[0], 1.0) && close(three[1], 1.5f64.sqrt()),
         "{three:?}"
     );
-    let same = scales(vec![DVec3::ONE; 2]);
-    assert!(close(same[0], 1e-7f64.sqrt()), "{same:?}");
+    // -0 is the same place as 0.
+    for same in [vec![DVec3::ONE; 2], vec![DVec3::ZERO, -DVec3::ZERO]] {
+        assert!(close(scales(same)[0], 1e-7f64.sqrt()));
+    }
 }
 
 #[test]
 fn many_points_at_one_place_are_bounded_and_cost_no_quadratic_time() {
-    // Invalid pixels often all lie at the origin; -0 is the same place.
+    // Invalid pixels often all lie at the origin.
     let mut positions = vec![DVec3::ZERO; 100_000];
-    positions[7] = -DVec3::ZERO;
     positions.extend((0..1000).map(|i| {
         dvec3(
             f64::from(i % 10),
