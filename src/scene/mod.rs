@@ -1,8 +1,20 @@
 //! Scenes: posed photographs and a point cloud, from disk or built in.
 
+mod bytes;
+mod cloud;
+mod colmap;
+mod decode;
+mod images;
+mod load;
+mod ply;
+mod split;
+
 use glam::DVec3;
 
 use crate::camera::Camera;
+
+pub use cloud::{read_cloud, thin};
+pub use load::load;
 
 /// A scene ready to train on. Images of the training and test views are decoded, at the size
 /// the limits ask for; cameras match them.
@@ -10,6 +22,8 @@ use crate::camera::Camera;
 pub struct Scene {
     /// Short name for tables: the folder's name, or `builtin`.
     pub name: String,
+    /// What was taken from where, one line for the log.
+    pub source: String,
     pub train: Vec<View>,
     pub test: Vec<View>,
     pub cloud: PointCloud,

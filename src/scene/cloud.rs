@@ -1,0 +1,133 @@
+//! Point clouds from disk: reading by format, cleaning and thinning.
+
+use std::path::Path;
+
+use glam::DVec3;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::PointCloud;
+use super::colmap::{read_points_binary, read_points_text};
+use super::ply::read_ply;
+use crate::camera::Camera;
+use crate::error::{Error, Result, read_file};
+
+/// Points within this share of the cameras' extent of a camera centre count as at it.
+const CENTER_TOLERANCE: f64 = 1e-6;
+
+/// Reads the point cloud of a `.ply`, or COLMAP's points of a `.bin` or `.txt`, as stored:
+/// positions may be NaN or infinite.
+///
+/// # Errors
+///
+/// Files that cannot be read or parsed, with the byte or line.
+pub fn read_cloud(path: &Path) -> Result<PointCloud> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+    let read = match extension {
+        "ply" => read_ply,
+        "bin" => read_points_binary,
+        "txt" => read_points_text,
+        _ => {
+            return Err(Error::new("not a point cloud")
+                .at_path(path)
+                .way_out("give a .ply, or COLMAP's points3D.bin or .txt"));
+        }
+    };
+    read(&read_file(path)?).map_err(|e| e.at_path(path))
+}
+
+/// Drops points that are not finite (positions, as `f32` too, and confidence) and points at a
+/// camera centre, whose Gaussians would be degenerate; each with a counted line in `warnings`.
+/// The order of the rest is kept.
+pub(super) fn clean(cloud: &mut PointCloud, cameras: &[Camera], warnings: &mut Vec<String>) {
+    let n = cloud.len();
+    let confidence = cloud.confidence.as_deref();
+    let finite: Vec<bool> = (0..n)
+        .map(|i| {
+            cloud.positions[i].as_vec3().is_finite() && confidence.is_none_or(|c| c[i].is_finite())
+        })
+        .collect();
+    retain(cloud, &finite);
+    let n_finite = cloud.len();
+    if n_finite < n {
+        warnings.push(format!(
+            "{} of {n} points are not finite: dropped",
+            n - n_finite
+        ));
+    }
+
+    let mut centers: Vec<DVec3> = cameras.iter().map(Camera::center).collect();
+    centers.sort_by(|a, b| a.x.total_cmp(&b.x));
+    let tolerance = CENTER_TOLERANCE * camera_extent(&centers, &cloud.positions);
+    let kept: Vec<bool> = cloud
+        .positions
+        .iter()
+        .map(|p| {
+            let first = centers.partition_point(|c| c.x < p.x - tolerance);
+            !centers[first..]
+                .iter()
+                .take_while(|c| c.x <= p.x + tolerance)
+                .any(|c| c.distance(*p) <= tolerance)
+        })
+        .collect();
+    retain(cloud, &kept);
+    if cloud.len() < n_finite {
+        warnings.push(format!(
+            "{} of {n_finite} points lie at a camera centre: dropped",
+            n_finite - cloud.len()
+        ));
+    }
+}
+
+/// The greatest distance of a camera centre from their mean; for cameras that coincide, the
+/// median distance of the points from them.
+fn camera_extent(centers: &[DVec3], points: &[DVec3]) -> f64 {
+    let mean = centers.iter().sum::<DVec3>() / centers.len().max(1) as f64;
+    let extent = centers.iter().map(|c| c.distance(mean)).fold(0.0, f64::max);
+    if extent > 0.0 || points.is_empty() {
+        return extent;
+    }
+    let mut distances: Vec<f64> = points.iter().map(|p| p.distance(mean)).collect();
+    let middle = distances.len() / 2;
+    *distances.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+fn retain(cloud: &mut PointCloud, kept: &[bool]) {
+    fn filter<T: Copy>(values: &mut Vec<T>, kept: &[bool]) {
+        let mut kept = kept.iter();
+        values.retain(|_| kept.next().copied().unwrap_or(false));
+    }
+    filter(&mut cloud.positions, kept);
+    filter(&mut cloud.colors, kept);
+    if let Some(confidence) = &mut cloud.confidence {
+        filter(confidence, kept);
+    }
+}
+
+/// At most `n` points of `cloud`, in its order: one drawn at random from each of `n` equal
+/// stretches of the index range, so that a cloud in pixel order is thinned evenly over the
+/// images. The same on every platform for the same `seed`.
+pub fn thin(cloud: &PointCloud, n: usize, seed: u64) -> PointCloud {
+    if n >= cloud.len() {
+        return cloud.clone();
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    // Other random choices of a run share the seed; the stream keeps this one apart.
+    rng.set_stream(u64::from_be_bytes(*b"thin    "));
+    let bound = |stretch: usize| (stretch as u128 * cloud.len() as u128 / n as u128) as u64;
+    let chosen: Vec<usize> = (0..n)
+        .map(|stretch| {
+            let (start, end) = (bound(stretch), bound(stretch + 1));
+            let offset = (u128::from(rng.next_u64()) * u128::from(end - start)) >> 64;
+            start as usize + offset as usize
+        })
+        .collect();
+    PointCloud {
+        positions: chosen.iter().map(|&i| cloud.positions[i]).collect(),
+        colors: chosen.iter().map(|&i| cloud.colors[i]).collect(),
+        confidence: cloud
+            .confidence
+            .as_ref()
+            .map(|confidence| chosen.iter().map(|&i| confidence[i]).collect()),
+    }
+}

@@ -1,0 +1,359 @@
+//! Point clouds as PLY: ASCII and both binary orders.
+//!
+//! The format is parsed by `ply-rs`, row by row. Before it sees a file, [`check_header`] refuses
+//! what it would panic on (counts beyond 64 bits), merge silently (names that appear twice) or
+//! loop over (counts that the file has no room for, rows of nothing).
+
+use std::io;
+
+use glam::DVec3;
+use ply_rs::parser::Parser;
+use ply_rs::ply::{
+    ElementDef, Encoding, Property, PropertyAccess, PropertyDef, PropertyType, ScalarType,
+};
+
+use super::PointCloud;
+use crate::error::{Error, Result};
+
+/// Headers longer than this are no headers.
+const MAX_HEADER_BYTES: usize = 1 << 20;
+
+/// Float colours may leave `[0, 1]` by this much, for rounding.
+const COLOR_SLACK: f64 = 1e-3;
+
+/// One row of the `vertex` element. Colours in `[0, 255]` whatever the file's type.
+#[derive(Clone, Copy)]
+struct Vertex {
+    position: [f64; 3],
+    color: [f64; 3],
+    confidence: f64,
+}
+
+impl PropertyAccess for Vertex {
+    fn new() -> Self {
+        Vertex {
+            position: [0.0; 3],
+            color: [0.0; 3],
+            confidence: 0.0,
+        }
+    }
+
+    fn set_property(&mut self, name: String, property: Property) {
+        let (value, color_scale) = match property {
+            Property::Float(v) => (f64::from(v), 255.0),
+            Property::Double(v) => (v, 255.0),
+            Property::UChar(v) => (f64::from(v), 1.0),
+            // Refused by `check_vertex` where the name is one of ours.
+            _ => return,
+        };
+        match name.as_str() {
+            "x" => self.position[0] = value,
+            "y" => self.position[1] = value,
+            "z" => self.position[2] = value,
+            "red" => self.color[0] = value * color_scale,
+            "green" => self.color[1] = value * color_scale,
+            "blue" => self.color[2] = value * color_scale,
+            "confidence" => self.confidence = value,
+            _ => {}
+        }
+    }
+}
+
+/// A row of an element that is not ours.
+struct Skipped;
+
+impl PropertyAccess for Skipped {
+    fn new() -> Self {
+        Skipped
+    }
+}
+
+/// The cloud in a PLY file's `bytes`: `x y z` (float or double), `red green blue` (uchar, or
+/// float in `[0, 1]`) and, where present, `confidence` (float) of element `vertex`. Other
+/// elements and properties are skipped. Values that are not finite are passed on.
+///
+/// # Errors
+///
+/// Not a PLY, a header that does not fit the file's size, missing or mistyped properties, rows
+/// that cannot be read (with their byte, or their line in ASCII files), colours out of range.
+pub(super) fn read_ply(bytes: &[u8]) -> Result<PointCloud> {
+    check_header(bytes)?;
+    let mut rest = bytes;
+    let header = Parser::<Vertex>::new()
+        .read_header(&mut rest)
+        .map_err(|e| Error::new(format!("bad PLY header: {}", one_line(&e))))?;
+    let mut rows = Rows {
+        bytes,
+        position: bytes.len() - rest.len(),
+        line: 1 + bytes[..bytes.len() - rest.len()]
+            .split(|&b| b == b'\n')
+            .skip(1)
+            .count(),
+        encoding: header.encoding,
+    };
+    for (name, element) in &header.elements {
+        rows.check_room(element)?;
+        if name == "vertex" {
+            check_vertex(element)?;
+            return read_vertices(&mut rows, element);
+        }
+        for _ in 0..element.count {
+            rows.next::<Skipped>(element)?;
+        }
+    }
+    Err(Error::new("the PLY has no element `vertex`"))
+}
+
+fn read_vertices(rows: &mut Rows, element: &ElementDef) -> Result<PointCloud> {
+    let has_confidence = element.properties.contains_key("confidence");
+    let mut cloud = PointCloud {
+        // `check_room` held the count against the file's size.
+        positions: Vec::with_capacity(element.count),
+        colors: Vec::with_capacity(element.count),
+        confidence: has_confidence.then(|| Vec::with_capacity(element.count)),
+    };
+    for row in 0..element.count {
+        let vertex: Vertex = rows.next(element)?;
+        let mut position = DVec3::from(vertex.position);
+        let mut color = [0; 3];
+        for (stored, value) in color.iter_mut().zip(vertex.color) {
+            let slack = 255.0 * COLOR_SLACK;
+            if !value.is_finite() {
+                // A broken row: the caller drops and counts it.
+                position = DVec3::NAN;
+            } else if value < -slack || value > 255.0 + slack {
+                return Err(
+                    Error::new(format!("colour {} is outside [0, 1]", value / 255.0))
+                        .at(format_args!("vertex {row}"))
+                        .way_out("write colours as uchar, or as float in [0, 1]"),
+                );
+            }
+            *stored = value.round().clamp(0.0, 255.0) as u8;
+        }
+        cloud.positions.push(position);
+        cloud.colors.push(color);
+        if let Some(confidence) = &mut cloud.confidence {
+            confidence.push(vertex.confidence as f32);
+        }
+    }
+    Ok(cloud)
+}
+
+/// Refuses what `ply-rs` must not see; see the module's text.
+fn check_header(bytes: &[u8]) -> Result<()> {
+    if !bytes.starts_with(b"ply") {
+        return Err(Error::new("not a PLY file: it does not begin with `ply`").at("byte 0"));
+    }
+    let head = &bytes[..bytes.len().min(MAX_HEADER_BYTES)];
+    let mut elements: Vec<&str> = Vec::new();
+    let mut properties: Vec<&str> = Vec::new();
+    let mut element_is_empty = false;
+    for (line, number) in head.split_inclusive(|&b| b == b'\n').zip(1..) {
+        if !line.ends_with(b"\n") {
+            break;
+        }
+        let here = |e: Error| e.at(format_args!("line {number}"));
+        let line = std::str::from_utf8(line)
+            .map_err(|_| here(Error::new("the PLY header is not UTF-8 text")))?;
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let starts_section = matches!(words.first(), Some(&("element" | "end_header")));
+        if starts_section && element_is_empty {
+            return Err(here(Error::new("the element before has no properties")));
+        }
+        match *words.as_slice() {
+            ["end_header", ..] => return Ok(()),
+            ["format", _, version, ..] if version != "1.0" => {
+                let what = format!("PLY version `{}` is not 1.0", version.escape_debug());
+                return Err(here(Error::new(what)));
+            }
+            ["element", name, count, ..] => {
+                if count.parse::<u32>().is_err() {
+                    return Err(here(Error::new(format!(
+                        "element `{}` has no valid count below 2^32: `{}`",
+                        name.escape_debug(),
+                        count.escape_debug()
+                    ))));
+                }
+                if elements.contains(&name) {
+                    return Err(here(duplicate("element", name)));
+                }
+                elements.push(name);
+                properties.clear();
+                element_is_empty = true;
+            }
+            ["property", .., name] => {
+                if properties.contains(&name) {
+                    return Err(here(duplicate("property", name)));
+                }
+                properties.push(name);
+                element_is_empty = false;
+            }
+            _ => {}
+        }
+    }
+    Err(Error::new("the PLY header has no `end_header`")
+        .at(format_args!("byte {}", head.len()))
+        .way_out("the file is truncated or no PLY: export or copy it again"))
+}
+
+fn duplicate(kind: &str, name: &str) -> Error {
+    Error::new(format!("{kind} `{}` appears twice", name.escape_debug()))
+}
+
+fn check_vertex(element: &ElementDef) -> Result<()> {
+    let float = [ScalarType::Float, ScalarType::Double];
+    let color = [ScalarType::UChar, ScalarType::Float, ScalarType::Double];
+    let check = |name: &str, allowed: &[ScalarType]| match element.properties.get(name) {
+        None => Err(Error::new(format!("the PLY's vertices have no `{name}`"))
+            .way_out("positions `x y z` and colours `red green blue` are needed")),
+        Some(PropertyDef {
+            data_type: PropertyType::Scalar(scalar),
+            ..
+        }) if allowed.contains(scalar) => Ok(()),
+        Some(property) => Err(Error::new(format!(
+            "property `{name}` has type {:?}",
+            property.data_type
+        ))
+        .way_out(format!("write it as one of {allowed:?}"))),
+    };
+    for name in ["x", "y", "z"] {
+        check(name, &float)?;
+    }
+    for name in ["red", "green", "blue"] {
+        check(name, &color)?;
+    }
+    if element.properties.contains_key("confidence") {
+        check("confidence", &float)?;
+    }
+    Ok(())
+}
+
+/// Reads the rows of the payload in order.
+struct Rows<'a> {
+    bytes: &'a [u8],
+    position: usize,
+    /// Line of the next row, from 1; of ASCII files only.
+    line: usize,
+    encoding: Encoding,
+}
+
+impl Rows<'_> {
+    /// Refuses an element whose rows cannot fit into what is left of the file.
+    fn check_room(&self, element: &ElementDef) -> Result<()> {
+        let properties = element.properties.values().map(|p| &p.data_type);
+        let row_bytes: usize = match self.encoding {
+            // A digit and a separator each; the last separator may be missing.
+            Encoding::Ascii => 2 * properties.count(),
+            _ => properties.map(min_bytes).sum(),
+        };
+        let room = self.bytes.len() - self.position;
+        let needed = element.count as u128 * row_bytes as u128;
+        let slack = u128::from(self.encoding == Encoding::Ascii);
+        if needed > room as u128 + slack {
+            return Err(Error::new(format!(
+                "truncated or damaged: {} rows of element `{}` take at least {needed} bytes \
+                 from byte {}, but the file ends at byte {}",
+                element.count,
+                element.name,
+                self.position,
+                self.bytes.len()
+            ))
+            .way_out("export or copy the file again"));
+        }
+        Ok(())
+    }
+
+    fn next<E: PropertyAccess>(&mut self, element: &ElementDef) -> Result<E> {
+        let parser = Parser::<E>::new();
+        let mut rest = &self.bytes[self.position..];
+        let row = match self.encoding {
+            Encoding::Ascii => return self.next_ascii(&parser, element),
+            Encoding::BinaryLittleEndian => parser.read_little_endian_element(&mut rest, element),
+            Encoding::BinaryBigEndian => parser.read_big_endian_element(&mut rest, element),
+        };
+        let row = row.map_err(|_| {
+            Error::new(format!(
+                "truncated: a row of element `{}` runs past the file's end at byte {}",
+                element.name,
+                self.bytes.len()
+            ))
+            .at(format_args!("byte {}", self.position))
+            .way_out("export or copy the file again")
+        })?;
+        self.position = self.bytes.len() - rest.len();
+        Ok(row)
+    }
+
+    fn next_ascii<E: PropertyAccess>(
+        &mut self,
+        parser: &Parser<E>,
+        element: &ElementDef,
+    ) -> Result<E> {
+        let rest = &self.bytes[self.position..];
+        let place = format!("line {} (byte {})", self.line, self.position);
+        let n = rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
+        let line = std::str::from_utf8(&rest[..n])
+            .map_err(|_| Error::new("not ASCII text").at(&place))?
+            .trim();
+        self.position += (n + 1).min(rest.len());
+        self.line += 1;
+        if line.is_empty() && rest.len() == n {
+            return Err(Error::new(format!(
+                "truncated: the file ends before all {} rows of element `{}`",
+                element.count, element.name
+            ))
+            .at(&place)
+            .way_out("export or copy the file again"));
+        }
+        parser
+            .read_ascii_element(line, element)
+            .or_else(|_| parser.read_ascii_element(&plain_numbers(line)?, element))
+            .map_err(|e| {
+                Error::new(format!(
+                    "bad row of element `{}`: {}",
+                    element.name,
+                    one_line(&e)
+                ))
+                .at(&place)
+            })
+    }
+}
+
+/// Fewest bytes that a property takes in a binary row.
+fn min_bytes(data_type: &PropertyType) -> usize {
+    let (PropertyType::Scalar(scalar) | PropertyType::List(scalar, _)) = data_type;
+    match scalar {
+        ScalarType::Char | ScalarType::UChar => 1,
+        ScalarType::Short | ScalarType::UShort => 2,
+        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+        ScalarType::Double => 8,
+    }
+}
+
+/// The row in the spelling that `ply-rs` reads, which has no `1E5`, `.5`, `nan` or `inf`:
+/// values that are not finite become one that overflows to infinity.
+fn plain_numbers(line: &str) -> io::Result<String> {
+    let mut plain = String::new();
+    for word in line.split_whitespace() {
+        let value: f64 = word
+            .parse()
+            .map_err(|_| io::Error::other(format!("`{word}` is not a number")))?;
+        if value.is_finite() {
+            plain.push_str(&value.to_string());
+        } else {
+            plain.push_str("1e999");
+        }
+        plain.push(' ');
+    }
+    Ok(plain)
+}
+
+/// The messages of `ply-rs` quote whole lines of the file: one line of ours, and not too long.
+fn one_line(error: &io::Error) -> String {
+    let words: Vec<String> = error
+        .to_string()
+        .split_whitespace()
+        .map(|word| word.escape_debug().to_string())
+        .collect();
+    words.join(" ").chars().take(200).collect()
+}

@@ -1,0 +1,201 @@
+//! Which views are trained on and which are tested.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use serde::Deserialize;
+
+use super::LoadOptions;
+use super::images::Matched;
+use crate::error::{Error, Result, read_file};
+
+/// Indices of the views, in the order of the list or the protocol that chose them.
+#[derive(Debug)]
+pub(super) struct Split {
+    pub train: Vec<usize>,
+    pub test: Vec<usize>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SplitFile {
+    train: Vec<String>,
+    test: Option<Vec<String>>,
+}
+
+/// Training views are those of `options.train_views`, else of `split.json`, else `n_train`
+/// uniformly over the sorted names; test views are those of `split.json`, else up to `n_test`
+/// uniformly over the sorted names of the rest (the paper's protocol).
+///
+/// # Errors
+///
+/// No training view; a training view that is unknown, without pose or image, or listed twice;
+/// views in both lists; a `split.json` that is none. Test views that cannot be used are counted
+/// in `warnings`.
+pub(super) fn choose(
+    dir: &Path,
+    matched: &Matched,
+    options: &LoadOptions,
+    warnings: &mut Vec<String>,
+) -> Result<Split> {
+    let path = dir.join("split.json");
+    let file = read_split(&path)?;
+    let in_file = |e: Error| e.at_path(&path);
+
+    let train = if let Some(names) = &options.train_views {
+        training_views(names, matched, Error::usage)?
+    } else if let Some(file) = &file {
+        training_views(&file.train, matched, Error::new).map_err(in_file)?
+    } else {
+        if options.n_train == 0 {
+            return Err(Error::usage("0 training views asked for").way_out("train on at least 1"));
+        }
+        let sorted = sorted_by_name(matched, &[]);
+        if sorted.len() < options.n_train {
+            warnings.push(format!(
+                "only {} posed images for {} training views: all are trained on",
+                sorted.len(),
+                options.n_train
+            ));
+        }
+        uniform(&sorted, options.n_train)
+    };
+
+    let test = match file.and_then(|file| file.test) {
+        Some(names) => {
+            let mut test = test_views(&names, matched, warnings);
+            let both = test.iter().filter(|i| train.contains(i)).count();
+            if both > 0 && options.train_views.is_none() {
+                let what = format!("{both} views are in both `train` and `test`");
+                return Err(in_file(Error::new(what).way_out("list each view once")));
+            }
+            if both > 0 {
+                test.retain(|i| !train.contains(i));
+                warnings.push(format!(
+                    "{both} test views of `split.json` are trained on and so not tested"
+                ));
+            }
+            test
+        }
+        None => uniform(&sorted_by_name(matched, &train), options.n_test),
+    };
+    Ok(Split { train, test })
+}
+
+fn read_split(path: &Path) -> Result<Option<SplitFile>> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let bytes = read_file(path)?;
+    serde_json::from_slice(&bytes).map(Some).map_err(|e| {
+        Error::new(format!("not a split file: {e}"))
+            .at_path(path)
+            .way_out("write {\"train\": [\"a.jpg\", ...], \"test\": [\"b.jpg\", ...]}")
+    })
+}
+
+/// The views named, all of which must be usable; `error` decides whose fault it is if not.
+fn training_views(
+    names: &[String],
+    matched: &Matched,
+    error: fn(String) -> Error,
+) -> Result<Vec<usize>> {
+    if names.is_empty() {
+        return Err(error("no training view is named".to_owned()).way_out("name at least one"));
+    }
+    let mut chosen = Vec::with_capacity(names.len());
+    for name in names {
+        let fault = |what: &str| error(format!("training view `{}` {what}", name.escape_debug()));
+        let Some(&index) = matched.by_name.get(name) else {
+            return Err(if matched.without_image.contains(name) {
+                fault("has a pose but no image").way_out("put the image into `images/`")
+            } else if matched.without_pose.contains(name) {
+                fault("has an image but no pose").way_out("pose it, or choose another view")
+            } else {
+                let known = matched.by_name.keys().map(String::as_str);
+                fault("is not in the scene").way_out(near_misses(name, known))
+            });
+        };
+        if chosen.contains(&index) {
+            return Err(fault("is named twice").way_out("name each view once"));
+        }
+        chosen.push(index);
+    }
+    Ok(chosen)
+}
+
+fn test_views(names: &[String], matched: &Matched, warnings: &mut Vec<String>) -> Vec<usize> {
+    let mut seen = BTreeSet::new();
+    let mut chosen = Vec::new();
+    let mut unusable = Vec::new();
+    let mut n_repeated = 0;
+    for name in names {
+        match matched.by_name.get(name) {
+            None => unusable.push(name),
+            Some(&index) if seen.insert(index) => chosen.push(index),
+            Some(_) => n_repeated += 1,
+        }
+    }
+    if let Some(example) = unusable.first() {
+        warnings.push(format!(
+            "{} test views of `split.json` have no posed image and are left out: `{}`{}",
+            unusable.len(),
+            example.escape_debug(),
+            if unusable.len() > 1 { ", ..." } else { "" }
+        ));
+    }
+    if n_repeated > 0 {
+        warnings.push(format!(
+            "{n_repeated} test views of `split.json` are named again: used once"
+        ));
+    }
+    chosen
+}
+
+/// Indices of the views that are not in `without`, by their names' byte order.
+fn sorted_by_name(matched: &Matched, without: &[usize]) -> Vec<usize> {
+    let mut rest: Vec<usize> = (0..matched.views.len())
+        .filter(|i| !without.contains(i))
+        .collect();
+    rest.sort_by(|&a, &b| {
+        let name = |i: usize| &matched.views[i].camera.name;
+        name(a).cmp(name(b))
+    });
+    rest
+}
+
+/// `n` of `items` at the indices `round(i (N - 1) / (n - 1))`, all where there are no more.
+fn uniform(items: &[usize], n: usize) -> Vec<usize> {
+    if n >= items.len() {
+        return items.to_vec();
+    }
+    if n < 2 {
+        return items[..n].to_vec();
+    }
+    let last = items.len() - 1;
+    let steps = n - 1;
+    (0..n)
+        .map(|i| items[(2 * i * last + steps) / (2 * steps)])
+        .collect()
+}
+
+/// Names up to three of `known` that `name` may have been meant as, as a way out.
+fn near_misses<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
+    // The distance takes time and memory in both lengths; nobody mistypes a whole page.
+    let mut ranked: Vec<(usize, &str)> = known
+        .filter(|candidate| name.len().max(candidate.len()) <= 256)
+        .map(|candidate| (strsim::damerau_levenshtein(name, candidate), candidate))
+        .collect();
+    ranked.sort_unstable();
+    let close: Vec<String> = ranked
+        .iter()
+        .take_while(|(distance, _)| *distance <= (name.chars().count() / 2).max(2))
+        .take(3)
+        .map(|(_, candidate)| format!("`{candidate}`"))
+        .collect();
+    match (close.as_slice(), ranked.first()) {
+        ([], Some((_, candidate))) => format!("views are named like `{candidate}`"),
+        ([], None) => "name posed images of the scene".to_owned(),
+        _ => format!("did you mean {}?", close.join(", ")),
+    }
+}
