@@ -1,0 +1,229 @@
+//! Which cloud is taken, COLMAP's points, cleaning, thinning.
+
+use super::build::{Folder, GOOD_PLY, fails_with, ply_with_rows, warns};
+use glam::DVec3;
+use gspotential::error::ErrorKind;
+use gspotential::scene::{PointCloud, read_cloud, thin};
+
+fn points_bin() -> Vec<u8> {
+    let mut bytes = 2u64.to_le_bytes().to_vec();
+    for (i, track) in [(0u8, 3u64), (1, 0)] {
+        bytes.extend(u64::from(i).to_le_bytes());
+        for value in [f64::from(i), 0.25, 5.0] {
+            bytes.extend(value.to_le_bytes());
+        }
+        bytes.extend([10 + i, 20, 30]);
+        bytes.extend(0.5f64.to_le_bytes());
+        bytes.extend(track.to_le_bytes());
+        bytes.resize(bytes.len() + 8 * track as usize, 1);
+    }
+    bytes
+}
+
+const POINTS_TXT: &str = "# points\n7 0 0.25 5 10 20 30 0.5 1 0 2 1\n8 1 0.25 5 11 20 30 0.5\n";
+
+fn expected() -> PointCloud {
+    PointCloud {
+        positions: vec![DVec3::new(0.0, 0.25, 5.0), DVec3::new(1.0, 0.25, 5.0)],
+        colors: vec![[10, 20, 30], [11, 20, 30]],
+        confidence: None,
+    }
+}
+
+#[test]
+fn colmap_points_are_read_from_both_encodings() {
+    for (name, bytes) in [
+        ("points3D.bin", points_bin()),
+        ("points3D.txt", POINTS_TXT.as_bytes().to_vec()),
+    ] {
+        let folder = Folder::with_views(&["a.png", "b.png", "c.png", "d.png"]);
+        folder.remove("sparse/0/points3D.ply");
+        folder.write(&format!("sparse/0/{name}"), bytes);
+        let scene = folder.scene();
+        warns(&scene, &[]);
+        assert_eq!(scene.cloud, expected(), "{name}");
+        assert!(scene.source.contains(name), "{}", scene.source);
+    }
+}
+
+#[test]
+fn every_truncation_of_a_points_bin_is_refused_with_its_byte() {
+    let folder = Folder::empty();
+    let path = folder.path().join("points3D.bin");
+    let bytes = points_bin();
+    for end in 0..bytes.len() {
+        folder.write("points3D.bin", &bytes[..end]);
+        let place = format!("ends at byte {end}");
+        fails_with(
+            read_cloud(&path),
+            ErrorKind::Failure,
+            &["points3D.bin: byte", &place],
+        );
+    }
+}
+
+#[test]
+fn absurd_counts_in_a_points_bin_cost_nothing() {
+    let folder = Folder::empty();
+    let path = folder.path().join("points3D.bin");
+    for count in [3, 1 << 40, u64::MAX] {
+        let mut bytes = points_bin();
+        bytes[..8].copy_from_slice(&count.to_le_bytes());
+        folder.write("points3D.bin", &bytes);
+        let parts = ["byte 0", &format!("{count} points"), "at most 2"];
+        fails_with(read_cloud(&path), ErrorKind::Failure, &parts);
+        let mut bytes = points_bin();
+        bytes[8 + 43..8 + 51].copy_from_slice(&count.to_le_bytes());
+        folder.write("points3D.bin", &bytes);
+        if count > 3 {
+            fails_with(
+                read_cloud(&path),
+                ErrorKind::Failure,
+                &["byte 51", "observations"],
+            );
+        }
+    }
+}
+
+#[test]
+fn bad_lines_of_a_points_txt_are_named() {
+    let folder = Folder::empty();
+    let path = folder.path().join("points3D.txt");
+    for (line, part) in [
+        ("7 0 0.25", "line ends"),
+        ("7 0 0.25 5 10 20 256 0.5", "colour"),
+        ("7 0 zero 5 10 20 30 0.5", "zero"),
+    ] {
+        folder.write("points3D.txt", format!("{POINTS_TXT}{line}\n"));
+        fails_with(read_cloud(&path), ErrorKind::Failure, &["line 4", part]);
+    }
+}
+
+#[test]
+fn clouds_are_looked_for_in_the_stated_order() {
+    let folder = Folder::with_views(&["a.png", "b.png", "c.png", "d.png"]);
+    folder.remove("sparse/0/points3D.ply");
+    folder.fails_with(&["sparse/0", "no point cloud", "points3D.ply"]);
+    // From the last choice to the first: each must win over all before it.
+    folder.write("sparse/0/points3D.txt", POINTS_TXT);
+    assert!(folder.scene().source.ends_with("sparse/0/points3D.txt"));
+    folder.write("sparse/0/points3D.bin", points_bin());
+    assert!(folder.scene().source.ends_with("sparse/0/points3D.bin"));
+    for name in [
+        "points.ply",
+        "sparse/0/points.ply",
+        "points3D.ply",
+        "sparse/0/points3D.ply",
+    ] {
+        folder.write(name, GOOD_PLY);
+        let source = folder.scene().source;
+        assert_eq!(source, format!("sparse/0 (text), cloud {name}"));
+    }
+}
+
+#[test]
+fn points_at_a_camera_centre_are_dropped_and_counted() {
+    // Cameras at x = 0, 1, 2, 3: their extent is 1.5.
+    let folder = Folder::with_views(&["a.png", "b.png", "c.png", "d.png"]);
+    let rows = [
+        "0 0 0 1 1 1",
+        "2.000001 0 0 2 2 2",
+        "2 0.000001 0.000001 3 3 3",
+        "2.00001 0 0 4 4 4",
+        "3 0 5 5 5 5",
+    ];
+    let file = ply_with_rows(&rows).replace("float", "double");
+    folder.write("sparse/0/points3D.ply", file);
+    let scene = folder.scene();
+    warns(&scene, &["3 of 5 points lie at a camera centre"]);
+    assert_eq!(scene.cloud.colors, [[4; 3], [5; 3]]);
+    // A single camera has no extent: the points' distance stands in.
+    let folder = Folder::with_views(&["a.png"]);
+    folder.write(
+        "sparse/0/points3D.ply",
+        ply_with_rows(&["0 0 1e-9 1 1 1", "0 0 5 2 2 2", "0 1 5 3 3 3"]),
+    );
+    let scene = folder.scene();
+    warns(&scene, &["only 1", "1 of 3 points lie at a camera centre"]);
+}
+
+#[test]
+fn clouds_without_a_usable_point_are_refused() {
+    let folder = Folder::with_views(&["a.png", "b.png", "c.png", "d.png"]);
+    folder.write("sparse/0/points3D.ply", ply_with_rows(&[]));
+    folder.fails_with(&["points3D.ply", "no usable point (0 in the file)"]);
+    folder.write(
+        "sparse/0/points3D.ply",
+        ply_with_rows(&["nan 0 0 1 2 3", "1 0 0 1 2 3"]),
+    );
+    folder.fails_with(&["points3D.ply", "no usable point (2 in the file)"]);
+}
+
+/// Points that carry their index three times.
+fn numbered(n: usize) -> PointCloud {
+    PointCloud {
+        positions: (0..n).map(|i| DVec3::splat(i as f64)).collect(),
+        colors: (0..n)
+            .map(|i| [(i % 256) as u8, (i / 256) as u8, 0])
+            .collect(),
+        confidence: Some((0..n).map(|i| i as f32).collect()),
+    }
+}
+
+#[test]
+fn thinning_is_even_ordered_and_seeded() {
+    let cloud = numbered(1003);
+    let thinned = thin(&cloud, 100, 7);
+    let index: Vec<f64> = thinned.positions.iter().map(|p| p.x).collect();
+    assert_eq!(index.len(), 100);
+    for (stretch, &i) in index.iter().enumerate() {
+        let stretch = stretch as f64;
+        assert!(
+            i >= (stretch * 10.03).floor() && i < ((stretch + 1.0) * 10.03).floor(),
+            "{i}"
+        );
+        let at = i as usize;
+        let same = thinned
+            .positions
+            .iter()
+            .position(|p| p.x == i)
+            .expect("itself");
+        assert_eq!(thinned.colors[same], cloud.colors[at]);
+        assert_eq!(
+            thinned.confidence.as_ref().map(|c| c[same]),
+            Some(at as f32)
+        );
+    }
+    assert_eq!(thinned, thin(&cloud, 100, 7));
+    assert_ne!(thinned, thin(&cloud, 100, 8));
+    assert_eq!(thin(&cloud, 1003, 7), cloud);
+    assert_eq!(thin(&cloud, usize::MAX, 7), cloud);
+    assert!(thin(&cloud, 0, 7).is_empty());
+}
+
+#[test]
+fn thinning_draws_every_point_alike() {
+    let cloud = numbered(30);
+    let mut drawn = [0; 30];
+    for seed in 0..3000 {
+        for p in thin(&cloud, 10, seed).positions {
+            drawn[p.x as usize] += 1;
+        }
+    }
+    // 1000 expected each, standard deviation 26.
+    assert!(drawn.iter().all(|&n| (870..1130).contains(&n)), "{drawn:?}");
+}
+
+#[test]
+fn thinning_draws_the_same_on_every_platform() {
+    let index: Vec<f64> = thin(&numbered(1000), 5, 42)
+        .positions
+        .iter()
+        .map(|p| p.x)
+        .collect();
+    assert_eq!(
+        index,
+        [44.0, 300.0, 502.0, 760.0, 963.0],
+        "the draw of this seed has changed"
+    );
+}

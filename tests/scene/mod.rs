@@ -1,0 +1,9 @@
+//! Loading scenes from disk: every supported variant, every kind of bad input.
+
+mod build;
+mod cloud;
+mod images;
+mod model;
+mod ply;
+mod real;
+mod split;
