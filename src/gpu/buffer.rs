@@ -72,6 +72,11 @@ impl Buffer {
         buffer
     }
 
+    /// A buffer of `bytes` bytes that queries resolve into.
+    pub(super) fn query_resolve(gpu: &Gpu, bytes: u64) -> Buffer {
+        Self::create(gpu, "timestamps", bytes, wgpu::BufferUsages::QUERY_RESOLVE)
+    }
+
     fn create(gpu: &Gpu, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Buffer {
         let raw = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(label),

@@ -2,7 +2,7 @@
 //! second list of bindings exists, and the commands that dispatch them.
 
 use super::constants::WORKGROUP;
-use super::{Buffer, Gpu, shader};
+use super::{Buffer, Gpu, Profile, shader};
 
 /// One entry point of one stage.
 pub struct Kernel {
@@ -130,13 +130,21 @@ impl Kernel {
 pub struct Commands<'a> {
     gpu: &'a Gpu,
     encoder: wgpu::CommandEncoder,
+    profile: Option<&'a mut Profile>,
 }
 
 impl<'a> Commands<'a> {
     pub fn new(gpu: &'a Gpu) -> Commands<'a> {
+        Self::profiled(gpu, None)
+    }
+
+    /// Takes the time of every dispatch, given a profile.
+    pub fn profiled(gpu: &'a Gpu, profile: Option<&'a mut Profile>) -> Commands<'a> {
+        let encoder = gpu.device.create_command_encoder(&Default::default());
         Commands {
             gpu,
-            encoder: gpu.device.create_command_encoder(&Default::default()),
+            encoder,
+            profile,
         }
     }
 
@@ -154,7 +162,7 @@ impl<'a> Commands<'a> {
             .encoder
             .begin_compute_pass(&wgpu::ComputePassDescriptor {
                 label: Some(kernel.name),
-                timestamp_writes: None,
+                timestamp_writes: self.profile.as_mut().and_then(|p| p.next(kernel.name)),
             });
         pass.set_pipeline(&kernel.pipeline);
         pass.set_bind_group(0, group, &[]);
@@ -172,7 +180,10 @@ impl<'a> Commands<'a> {
             .copy_buffer_to_buffer(&from.raw, 0, &to.raw, 0, bytes);
     }
 
-    pub fn submit(self) {
+    pub fn submit(mut self) {
+        if let Some(profile) = &self.profile {
+            profile.resolve(&mut self.encoder);
+        }
         self.gpu.queue.submit([self.encoder.finish()]);
     }
 }

@@ -4,8 +4,10 @@ pub mod buffer;
 pub mod constants;
 pub mod device;
 pub mod kernel;
+pub mod profile;
 pub mod shader;
 
 pub use buffer::Buffer;
 pub use device::Gpu;
 pub use kernel::{Commands, Kernel};
+pub use profile::Profile;

@@ -148,7 +148,10 @@ fn check_header(bytes: &[u8]) -> Result<()> {
     let mut elements: Vec<&str> = Vec::new();
     let mut properties: Vec<&str> = Vec::new();
     let mut element_is_empty = false;
-    for (line, number) in head.split(|&b| b == b'\n').zip(1..) {
+    for (line, number) in head.split_inclusive(|&b| b == b'\n').zip(1..) {
+        if !line.ends_with(b"\n") {
+            break;
+        }
         let here = |e: Error| e.at(format_args!("line {number}"));
         let line = std::str::from_utf8(line)
             .map_err(|_| here(Error::new("the PLY header is not UTF-8 text")))?;
@@ -190,7 +193,7 @@ fn check_header(bytes: &[u8]) -> Result<()> {
     }
     Err(Error::new("the PLY header has no `end_header`")
         .at(format_args!("byte {}", head.len()))
-        .way_out("the file is truncated: export or copy it again"))
+        .way_out("the file is truncated or no PLY: export or copy it again"))
 }
 
 fn duplicate(kind: &str, name: &str) -> Error {

@@ -8,4 +8,4 @@ pub mod policy;
 pub mod schedule;
 pub mod trainer;
 
-pub use trainer::{Observer, PlanRecord, Supervision, Trained, TrainingView, train};
+pub use trainer::{Observer, PlanRecord, Supervision, Trained, Trainer, TrainingView, train};

@@ -8,7 +8,7 @@ use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::field::Coverage;
 use crate::gaussians::Gaussians;
-use crate::gpu::{Commands, Gpu};
+use crate::gpu::{Commands, Gpu, Profile};
 use crate::render::{
     Bound, Capacity, Kernels, LossUniform, Model, Pass, ViewUniform, Workspace, read_totals,
 };
@@ -81,9 +81,6 @@ pub fn train(
     config: &Config,
     observer: &mut dyn Observer,
 ) -> Result<Trained> {
-    if supervision.real.is_empty() {
-        return Err(Error::new("no training view"));
-    }
     let mut trainer = Trainer::new(gpu, kernels, start, supervision, config)?;
     trainer.run(observer)?;
     Ok(Trained {
@@ -93,7 +90,8 @@ pub fn train(
     })
 }
 
-struct Trainer<'a> {
+/// A training run in progress.
+pub struct Trainer<'a> {
     gpu: &'a Gpu,
     kernels: &'a Kernels,
     optimizer_kernels: OptimizerKernels,
@@ -112,13 +110,20 @@ struct Trainer<'a> {
 }
 
 impl<'a> Trainer<'a> {
-    fn new(
+    /// Uploads `start` and allocates.
+    ///
+    /// # Errors
+    /// No training view, or a request that the adapter cannot hold.
+    pub fn new(
         gpu: &'a Gpu,
         kernels: &'a Kernels,
         start: &Gaussians,
         supervision: &'a Supervision,
         config: &'a Config,
     ) -> Result<Trainer<'a>> {
+        if supervision.real.is_empty() {
+            return Err(Error::new("no training view"));
+        }
         let uniforms = |views: &[TrainingView]| -> Vec<ViewUniform> {
             let model = &config.model;
             views
@@ -159,7 +164,7 @@ impl<'a> Trainer<'a> {
         let config = self.config;
         let mut done = 0;
         while done < config.iterations {
-            let views = self.step(done);
+            let views = self.step(done, None);
             done += 1;
             let changes = schedule::densifies(config, done)
                 || schedule::prunes_by_coverage(config, done)
@@ -184,14 +189,19 @@ impl<'a> Trainer<'a> {
         self.gpu.wait()
     }
 
-    /// Records and submits iteration `iteration` (from 0); returns its views.
-    fn step(&mut self, iteration: u32) -> (usize, Option<usize>) {
+    /// Records and submits iteration `iteration` (from 0), timed where there is a profile;
+    /// returns its real and its virtual view.
+    pub fn step(
+        &mut self,
+        iteration: u32,
+        profile: Option<&mut Profile>,
+    ) -> (usize, Option<usize>) {
         let config = self.config;
         let degree = schedule::sh_degree(config, iteration);
         // There is at least one real view.
         let real = self.real_order.view(iteration).unwrap_or(0);
         let virtual_view = self.virtual_order.view(iteration);
-        let mut commands = Commands::new(self.gpu);
+        let mut commands = Commands::profiled(self.gpu, profile);
         let mut centers = Vec::with_capacity(2);
         let chosen = [
             Some((&self.supervision.real[real], self.real[real])),

@@ -112,7 +112,7 @@ pub const GOOD_PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\n\
 
 /// [`GOOD_PLY`] with other rows.
 pub fn ply_with_rows(rows: &[&str]) -> String {
-    let header = GOOD_PLY.split_inclusive('\n').take(9).collect::<String>();
+    let header = GOOD_PLY.split_inclusive('\n').take(10).collect::<String>();
     let header = header.replace("vertex 3", &format!("vertex {}", rows.len()));
     header + &rows.join("\n") + "\n"
 }

@@ -110,7 +110,7 @@ fn check_observations(line: &str) -> Result<()> {
         .split_whitespace()
         .next_back()
         .is_none_or(|id| id.parse::<i64>().is_ok());
-    if n_fields % 3 == 0 && last_is_id {
+    if n_fields.is_multiple_of(3) && last_is_id {
         return Ok(());
     }
     Err(

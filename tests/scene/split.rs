@@ -1,0 +1,182 @@
+//! The split into training and test views.
+
+use super::build::{Folder, fails_with, options, warns};
+use gspotential::error::ErrorKind;
+use gspotential::scene::{LoadOptions, Scene, View};
+
+fn names(views: &[View]) -> String {
+    let stems: Vec<_> = views
+        .iter()
+        .map(|v| v.camera.name.trim_end_matches(".png"))
+        .collect();
+    stems.join(" ")
+}
+
+#[track_caller]
+fn is_split(scene: &Scene, train: &str, test: &str) {
+    assert_eq!(names(&scene.train), train);
+    assert_eq!(names(&scene.test), test);
+}
+
+fn letters(n: usize) -> Folder {
+    let names: Vec<String> = ('a'..='z').take(n).map(|c| format!("{c}.png")).collect();
+    // Unsorted, as some writers leave them.
+    let names: Vec<&str> = names.iter().rev().map(String::as_str).collect();
+    Folder::with_views(&names)
+}
+
+fn trained_on(names: &[&str]) -> LoadOptions {
+    LoadOptions {
+        train_views: Some(names.iter().map(|name| format!("{name}.png")).collect()),
+        ..options()
+    }
+}
+
+#[test]
+fn the_protocol_takes_views_uniformly_over_the_sorted_names() {
+    // Indices 0, 3, 6, 9 of 10; then 0 2.5 5 of the six left, halves rounded up.
+    let folder = letters(10);
+    let counts = |n_train, n_test| LoadOptions {
+        n_train,
+        n_test,
+        ..options()
+    };
+    let split = |n_train, n_test| folder.load_with(&counts(n_train, n_test)).expect("a scene");
+    is_split(&split(4, 60), "a d g j", "b c e f h i");
+    is_split(&split(4, 3), "a d g j", "b f i");
+    is_split(&split(3, 1), "a f j", "b");
+    is_split(&split(1, 2), "a", "b j");
+    is_split(&split(4, 0), "a d g j", "");
+    is_split(&split(10, 60), "a b c d e f g h i j", "");
+    let more = split(11, 60);
+    is_split(&more, "a b c d e f g h i j", "");
+    warns(&more, &["only 10 posed images for 11 training views"]);
+    fails_with(
+        folder.load_with(&counts(0, 60)),
+        ErrorKind::Usage,
+        &["0 training views"],
+    );
+}
+
+#[test]
+fn the_split_file_is_followed_in_its_order() {
+    let folder = letters(6);
+    folder.write(
+        "split.json",
+        r#"{"train": ["e.png", "b.png"], "test": ["f.png", "a.png"]}"#,
+    );
+    is_split(&folder.scene(), "e b", "f a");
+    folder.write("split.json", r#"{"train": ["e.png", "b.png"]}"#);
+    is_split(&folder.scene(), "e b", "a c d f");
+    folder.write("split.json", r#"{"train": ["e.png", "b.png"], "test": []}"#);
+    is_split(&folder.scene(), "e b", "");
+}
+
+#[test]
+fn named_training_views_come_before_the_split_file() {
+    let folder = letters(6);
+    is_split(
+        &folder.load_with(&trained_on(&["c", "a"])).expect("a scene"),
+        "c a",
+        "b d e f",
+    );
+    folder.write(
+        "split.json",
+        r#"{"train": ["e.png", "b.png"], "test": ["f.png", "a.png"]}"#,
+    );
+    let scene = folder.load_with(&trained_on(&["c", "a"])).expect("a scene");
+    is_split(&scene, "c a", "f");
+    warns(&scene, &["1 test views of `split.json` are trained on"]);
+}
+
+#[test]
+fn unknown_training_views_are_usage_errors_with_a_suggestion() {
+    let folder = Folder::with_views(&["IMG_0001.png", "IMG_0002.png", "IMG_0003.png", "house.png"]);
+    let refused = |names: &[&str], parts: &[&str]| {
+        fails_with(
+            folder.load_with(&trained_on(names)),
+            ErrorKind::Usage,
+            parts,
+        );
+    };
+    refused(
+        &["IMG_0001", "huose"],
+        &[
+            "`huose.png` is not in the scene",
+            "did you mean `house.png`?",
+        ],
+    );
+    refused(&["img_0002"], &["did you mean `IMG_0002.png`"]);
+    refused(&["x/y/z/w"], &["views are named like"]);
+    refused(&[&"long".repeat(100_000)[..700]], &["is not in the scene"]);
+    refused(&["house", "house"], &["`house.png` is named twice"]);
+    refused(&[], &["no training view is named"]);
+}
+
+#[test]
+fn training_views_without_pose_or_image_are_refused() {
+    let folder = letters(6);
+    folder.remove("images/c.png");
+    folder.write("images/z.png", super::build::png(2, 2));
+    for (name, part) in [
+        ("c", "has a pose but no image"),
+        ("z", "has an image but no pose"),
+    ] {
+        fails_with(
+            folder.load_with(&trained_on(&["a", name])),
+            ErrorKind::Usage,
+            &[part],
+        );
+        folder.write(
+            "split.json",
+            format!(r#"{{"train": ["a.png", "{name}.png"]}}"#),
+        );
+        folder.fails_with(&["split.json: training view", part]);
+    }
+}
+
+#[test]
+fn bad_split_files_are_named() {
+    let folder = letters(6);
+    for (json, part) in [
+        ("", "line 1"),
+        ("[]", "not a split file"),
+        (r#"{"test": ["a.png"]}"#, "missing field `train`"),
+        (
+            r#"{"train": ["a.png"], "tests": []}"#,
+            "unknown field `tests`",
+        ),
+        (r#"{"train": "a.png"}"#, "not a split file"),
+        (r#"{"train": []}"#, "no training view"),
+        (r#"{"train": ["a.png", "a.png"]}"#, "`a.png` is named twice"),
+        (
+            r#"{"train": ["a.png", "q.png"]}"#,
+            "`q.png` is not in the scene",
+        ),
+        (r#"{"train": ["a.png"], "test": ["a.png"]}"#, "in both"),
+        (r#"{"train": ["../a.png"]}"#, "is not in the scene"),
+    ] {
+        folder.write("split.json", json);
+        folder.fails_with(&["split.json: ", part, "; "]);
+    }
+}
+
+#[test]
+fn test_views_that_cannot_be_used_are_counted() {
+    let folder = letters(6);
+    folder.remove("images/c.png");
+    folder.write(
+        "split.json",
+        r#"{"train": ["a.png"], "test": ["c.png", "b.png", "x.png", "b.png", "d.png"]}"#,
+    );
+    let scene = folder.scene();
+    is_split(&scene, "a", "b d");
+    warns(
+        &scene,
+        &[
+            "1 poses have no image",
+            "2 test views of `split.json` have no posed image and are left out: `c.png`, ...",
+            "1 test views of `split.json` are named again",
+        ],
+    );
+}
