@@ -149,7 +149,7 @@ fn planted_violations_are_found() {
     );
     assert_eq!(n("field.rs", "fn f() { crate::render::draw() }"), 1);
     assert_eq!(n("field.rs", "use super::render;"), 1);
-    assert_eq!(n("gpu/limits.rs", "use super::super::scene::Scene;"), 1);
+    assert_eq!(n("gpu/limits.rs", "use super::super::views::View;"), 1);
     assert_eq!(n("unheard_of.rs", ""), 1);
 
     assert_eq!(

@@ -4,8 +4,8 @@ use std::fs;
 
 use gspotential::config::Config;
 use gspotential::run::{
-    Evaluation, LossSample, Memory, Metrics, ModelSize, PoseProtocol, RunDir, SceneRecord, Seconds,
-    ViewScore, file_names, peak_host_bytes,
+    Evaluation, ImageLoss, LossSample, Memory, Metrics, ModelSize, PoseProtocol, RunDir,
+    SceneRecord, Seconds, ViewScore, file_names, peak_host_bytes,
 };
 use serde_json::Value;
 
@@ -153,12 +153,17 @@ fn metrics_read_back_and_keep_what_may_vary_apart() {
         },
         loss: vec![LossSample {
             iteration: 1,
-            real: 0.1,
+            loss: 0.1,
+            real: ImageLoss {
+                l1: 0.05,
+                ssim: 0.7,
+            },
             virt: None,
         }],
         model_size: vec![ModelSize {
             iteration: 0,
             n_gaussians: 3,
+            plan: None,
         }],
     };
     run.write_metrics(&metrics).unwrap();
