@@ -267,3 +267,20 @@ fn a_sphere_on_the_axis_projects_to_a_dilated_circle() {
     };
     assert!(!project(&gaussians, 0, &at_near).valid);
 }
+
+#[test]
+fn the_jacobian_is_clamped_15_percent_of_the_image_beyond_its_edges() {
+    let camera = TwinCamera {
+        width: 100,
+        height: 60,
+        fx: 50.0,
+        fy: 40.0,
+        cx: 50.0,
+        cy: 20.0,
+        ..cases::looking_at([0.0; 3], [0.0, 0.0, 1.0])
+    };
+    // Centred: 1.3 tan(fov / 2) on either side. Off-centre: -(20 + 9) / 40 and (40 + 9) / 40.
+    let [[left, right], [top, bottom]] = camera.tangent_bounds();
+    let bounds = [left, right, top, bottom];
+    assert_relative_l2("bounds", &bounds, &[-1.3, 1.3, -0.725, 1.225], 1e-15);
+}
