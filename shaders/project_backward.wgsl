@@ -25,8 +25,6 @@
 @group(0) @binding(12) var<storage, read_write> screen: array<vec2f>;
 @group(0) @binding(13) var<storage, read> totals: array<u32>;
 
-#import shared/sh_read
-
 const TWO_LN_2 = 1.3862943611198906;
 
 @compute @workgroup_size(WORKGROUP)
@@ -102,12 +100,24 @@ fn project_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
     var d_mean = d_p.x * view.w2c_x.xyz + d_p.y * view.w2c_y.xyz + d_p.z * view.w2c_z.xyz;
 
     let d_c = select(vec3f(0.0), vec3f(b.zw, c), color > vec3f(0.0));
-    let degree = view.counts.z;
-    if (degree > 0u) {
+    if (SH_DEGREE > 0u) {
         let offset = g.mean - view.center_near.xyz;
         let distance = length(offset);
         let direction = offset / distance;
-        let d_direction = sh_direction_gradient(sh_rest(id, stride, degree), direction, degree, d_c);
+        let a = sh_dots(sh_0[id], sh_0[stride + id], sh_0[2u * stride + id], d_c);
+        var b = vec4f(0.0);
+        var c = vec4f(0.0);
+        var d = vec4f(0.0);
+        if (SH_DEGREE >= 2u) {
+            b = sh_dots(sh_2[id], sh_2[stride + id], sh_2[2u * stride + id], d_c);
+            let p6 = sh_2[3u * stride + id];
+            c.x = dot(p6.xyz, d_c);
+            if (SH_DEGREE >= 3u) {
+                c = sh_dots(p6, sh_3[id], sh_3[stride + id], d_c);
+                d = sh_dots(sh_3[2u * stride + id], sh_3[3u * stride + id], sh_3[4u * stride + id], d_c);
+            }
+        }
+        let d_direction = sh_direction_gradient(direction, a, b, c, d);
         d_mean += (d_direction - direction * dot(direction, d_direction)) / distance;
     }
 

@@ -1,5 +1,5 @@
 // What the forward and backward rasterizer share. One thread owns a tile of 4 x TILE_H pixels and
-// keeps its rows as vec4f: no thread ever needs another's result, so there is no barrier, no
+// keeps its rows as vec4f, each in variables of its own (an array of them would live in memory): no thread ever needs another's result, so there is no barrier, no
 // workgroup memory and no reduction across threads, and the order of every sum is fixed.
 fn tile_range(tile: u32) -> vec2u {
     var start = 0u;

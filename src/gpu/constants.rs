@@ -53,10 +53,11 @@ pub fn ssim_window() -> [f64; SSIM_WINDOW] {
     window.map(|w| w / sum)
 }
 
-/// The constants as WGSL declarations.
-pub fn prelude() -> String {
+/// The constants as WGSL declarations, with the active SH degree.
+pub fn prelude(sh_degree: u32) -> String {
     let mut out = String::new();
     for (name, value) in [
+        ("SH_DEGREE", sh_degree),
         ("WORKGROUP", WORKGROUP),
         ("TILE_W", TILE_W),
         ("TILE_H", TILE_H),
@@ -113,6 +114,22 @@ pub fn prelude() -> String {
         list(&padded)
     );
     out
+}
+
+/// The count of a shader's `#repeat`: a constant's name or a number.
+///
+/// # Panics
+/// On another name: a fault in this program.
+pub fn repeat_count(count: &str) -> u32 {
+    match count {
+        "TILE_H" => TILE_H,
+        "SSIM_ROWS" => SSIM_ROWS,
+        "SSIM_WINDOW" => SSIM_WINDOW as u32,
+        "SSIM_STRIP" => SSIM_WINDOW as u32 - 1 + SSIM_ROWS,
+        number => number
+            .parse()
+            .unwrap_or_else(|_| panic!("#repeat: no count named {number}")),
+    }
 }
 
 fn list(values: &[f64]) -> String {

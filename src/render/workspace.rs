@@ -10,7 +10,8 @@ use crate::gpu::{Buffer, Commands, Gpu, Kernel};
 
 /// Every kernel that renders, compares and differentiates a view.
 pub struct Kernels {
-    project: Kernel,
+    /// By active SH degree.
+    project: [Kernel; 4],
     bin: Kernel,
     scan_reduce: Kernel,
     scan_blocks: Kernel,
@@ -21,13 +22,14 @@ pub struct Kernels {
     loss_blocks: Kernel,
     loss_total: Kernel,
     rasterize_backward: Kernel,
-    project_backward: Kernel,
+    project_backward: [Kernel; 4],
 }
 
 impl Kernels {
     pub fn new(gpu: &Gpu) -> Kernels {
+        let by_degree = |stage| [0, 1, 2, 3].map(|d| Kernel::for_degree(gpu, stage, stage, d));
         Kernels {
-            project: Kernel::new(gpu, "project", "project"),
+            project: by_degree("project"),
             bin: Kernel::new(gpu, "bin", "bin"),
             scan_reduce: Kernel::new(gpu, "scan", "scan_reduce"),
             scan_blocks: Kernel::new(gpu, "scan", "scan_blocks"),
@@ -43,7 +45,7 @@ impl Kernels {
             loss_blocks: Kernel::new(gpu, "loss_sum", "loss_blocks"),
             loss_total: Kernel::new(gpu, "loss_sum", "loss_total"),
             rasterize_backward: Kernel::new(gpu, "rasterize_backward", "rasterize_backward"),
-            project_backward: Kernel::new(gpu, "project_backward", "project_backward"),
+            project_backward: by_degree("project_backward"),
         }
     }
 }
@@ -281,7 +283,8 @@ pub struct Bound {
 }
 
 struct Groups {
-    project: wgpu::BindGroup,
+    /// By active SH degree.
+    project: [wgpu::BindGroup; 4],
     bin_count: wgpu::BindGroup,
     bin_emit: wgpu::BindGroup,
     scan_pairs: [wgpu::BindGroup; 3],
@@ -295,7 +298,7 @@ struct BackwardGroups {
     ssim: [wgpu::BindGroup; 4],
     loss_sum: [wgpu::BindGroup; 2],
     rasterize: wgpu::BindGroup,
-    project: wgpu::BindGroup,
+    project: [wgpu::BindGroup; 4],
 }
 
 impl Bound {
@@ -323,7 +326,7 @@ impl Groups {
             .map(|kernel| with(&[("scan", uniform), ("counts", counts)], kernel))
         };
         Groups {
-            project: with(&[], &kernels.project),
+            project: kernels.project.each_ref().map(|k| with(&[], k)),
             bin_count: with(&[("mode", &space.count)], &kernels.bin),
             bin_emit: with(&[("mode", &space.emit)], &kernels.bin),
             scan_pairs: scan(&space.slots[slot].scan_pairs, &space.splat_pairs),
@@ -334,7 +337,7 @@ impl Groups {
                 ssim: [0, 1, 2, 3].map(|i| with(&[], &kernels.ssim[i])),
                 loss_sum: [&kernels.loss_blocks, &kernels.loss_total].map(|k| with(&[], k)),
                 rasterize: with(&[], &kernels.rasterize_backward),
-                project: with(&[], &kernels.project_backward),
+                project: kernels.project_backward.each_ref().map(|k| with(&[], k)),
             }),
         }
     }
@@ -349,6 +352,7 @@ pub struct Pass<'a> {
     pub slot: usize,
     /// With counts and slot set by [`Pass::new`].
     view: ViewUniform,
+    sh_degree: usize,
 }
 
 impl<'a> Pass<'a> {
@@ -364,7 +368,7 @@ impl<'a> Pass<'a> {
     ) -> Pass<'a> {
         let capacity = workspace.capacity;
         let (n, pairs) = (model.n as u32, capacity.pairs as u32);
-        view.counts = [n, model.stride as u32, sh_degree, pairs];
+        view.counts = [n, model.stride as u32, 0, pairs];
         view.planes[2] = slot as u32;
         let uniforms = &workspace.slots[slot];
         uniforms.view.write(gpu, &[view]);
@@ -387,6 +391,7 @@ impl<'a> Pass<'a> {
             bound,
             slot,
             view,
+            sh_degree: sh_degree as usize,
         }
     }
 
@@ -402,7 +407,8 @@ impl<'a> Pass<'a> {
         let n = u64::from(view.counts[0]);
         let n_tiles = view.n_tiles() as u64;
         commands.clear(&workspace.tile_cursor);
-        commands.dispatch(&kernels.project, &groups.project, n);
+        let degree = self.sh_degree;
+        commands.dispatch(&kernels.project[degree], &groups.project[degree], n);
         commands.dispatch(&kernels.bin, &groups.bin_count, n);
         for (groups, n) in [(&groups.scan_pairs, n), (&groups.scan_tiles, n_tiles)] {
             let threads = n.div_ceil(u64::from(SCAN_CHUNK));
@@ -448,7 +454,12 @@ impl<'a> Pass<'a> {
         let n_tiles = self.view.n_tiles() as u64;
         let n = u64::from(self.view.counts[0]);
         commands.dispatch(&self.kernels.rasterize_backward, &groups.rasterize, n_tiles);
-        commands.dispatch(&self.kernels.project_backward, &groups.project, n);
+        let degree = self.sh_degree;
+        commands.dispatch(
+            &self.kernels.project_backward[degree],
+            &groups.project[degree],
+            n,
+        );
     }
 }
 
