@@ -6,8 +6,9 @@
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> splats: array<vec4f>;
-@group(0) @binding(2) var<storage, read> tile_cursor: array<u32>;
-@group(0) @binding(3) var<storage, read> pair_keys: array<vec2u>;
+@group(0) @binding(2) var<storage, read> tile_ranges: array<vec2u>;
+@group(0) @binding(3) var<storage, read> tile_pairs: array<vec2u>;
+@group(0) @binding(7) var<storage, read> pair_gaussian: array<u32>;
 // Planes r, g, b, final transmittance.
 @group(0) @binding(4) var<storage, read_write> rendered: array<vec4f>;
 // Per pixel: one past the last blended splat, counted from its tile's first.
@@ -41,9 +42,9 @@ fn rasterize(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) group
     open_{r} = vec4f(1.0);
     #end
 
-    let range = tile_range(tile);
+    let range = tile_ranges[tile];
     for (var i = range.x; i < range.y; i++) {
-        let id = pair_keys[i].x;
+        let id = pair_gaussian[tile_pairs[i].y];
         let s0 = splats[id];
         let s1 = splats[stride + id];
         let color = splats[2u * stride + id];

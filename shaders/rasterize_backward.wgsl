@@ -9,8 +9,9 @@
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> splats: array<vec4f>;
-@group(0) @binding(2) var<storage, read> tile_cursor: array<u32>;
-@group(0) @binding(3) var<storage, read> pair_keys: array<vec2u>;
+@group(0) @binding(2) var<storage, read> tile_ranges: array<vec2u>;
+@group(0) @binding(3) var<storage, read> tile_pairs: array<vec2u>;
+@group(0) @binding(11) var<storage, read> pair_gaussian: array<u32>;
 @group(0) @binding(4) var<storage, read> rendered: array<vec4f>;
 @group(0) @binding(5) var<storage, read> last_blended: array<vec4u>;
 // Planes d_r, d_g, d_b, d_alpha: gradient of the loss with respect to the render.
@@ -63,18 +64,19 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgrou
     }
     #end
 
-    let range = tile_range(tile);
+    let range = tile_ranges[tile];
     for (var i = range.x + n_blended; i < range.y; i++) {
-        let pair = pair_keys[i].y;
+        let pair = tile_pairs[i].y;
         d_pair_a[pair] = vec4f(0.0);
         d_pair_b[pair] = vec4f(0.0);
         d_pair_c[pair] = 0.0;
     }
     for (var number = n_blended; number > 0u; number--) {
-        let key = pair_keys[range.x + number - 1u];
-        let s0 = splats[key.x];
-        let s1 = splats[stride + key.x];
-        let color = splats[2u * stride + key.x];
+        let pair = tile_pairs[range.x + number - 1u].y;
+        let id = pair_gaussian[pair];
+        let s0 = splats[id];
+        let s1 = splats[stride + id];
+        let color = splats[2u * stride + id];
         let dx = px - s0.x;
         var sum_v = vec4f(0.0);
         var sum_x = vec4f(0.0);
@@ -113,8 +115,8 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgrou
             sum_b += weight * d_blue_{r};
         }
         #end
-        d_pair_a[key.y] = vec4f(sum4(sum_v), sum4(sum_x), sum4(sum_y), sum4(sum_xx));
-        d_pair_b[key.y] = vec4f(sum4(sum_xy), sum4(sum_yy), sum4(sum_r), sum4(sum_g));
-        d_pair_c[key.y] = sum4(sum_b);
+        d_pair_a[pair] = vec4f(sum4(sum_v), sum4(sum_x), sum4(sum_y), sum4(sum_xx));
+        d_pair_b[pair] = vec4f(sum4(sum_xy), sum4(sum_yy), sum4(sum_r), sum4(sum_g));
+        d_pair_c[pair] = sum4(sum_b);
     }
 }

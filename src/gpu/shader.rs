@@ -16,14 +16,17 @@ const SHARED: &[(&str, &str)] = sources![
     "shared/sh",
     "shared/tile",
     "shared/loss",
+    "shared/radix",
 ];
 
 /// Every stage's name and source, as written.
 pub const STAGES: &[(&str, &str)] = sources![
     "project",
+    "depth_keys",
+    "radix",
     "bin",
     "scan",
-    "sort",
+    "tile_ranges",
     "rasterize",
     "ssim",
     "loss_sum",

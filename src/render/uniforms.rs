@@ -150,3 +150,13 @@ pub struct ScanUniform {
     pub capacity: u32,
     pub step: u32,
 }
+
+/// One pass of a radix sort; `Radix` in WGSL.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct RadixUniform {
+    pub n: u32,
+    pub pairs: u32,
+    pub shift: u32,
+    pub pad: u32,
+}
