@@ -198,8 +198,8 @@ impl Workspace {
         Ok(losses.into_iter().map(|pair| pair.map(f64::from)).collect())
     }
 
-    /// Every buffer under its name in the shaders.
-    fn names<'a>(&'a self, model: &'a Model, slot: usize) -> Vec<(&'static str, &'a Buffer)> {
+    /// Every buffer under its name in the shaders, with those of `model`.
+    pub fn names<'a>(&'a self, model: &'a Model, slot: usize) -> Vec<(&'static str, &'a Buffer)> {
         let mut names = vec![
             ("view", &self.slots[slot].view),
             ("loss", &self.slots[slot].loss),

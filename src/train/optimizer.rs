@@ -73,13 +73,13 @@ impl StepUniform {
 /// `Rearrange` in `rearrange.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct RearrangeUniform {
-    n: u32,
-    old_stride: u32,
-    new_stride: u32,
-    n_planes: u32,
-    kind: u32,
-    pad: [u32; 3],
+pub struct RearrangeUniform {
+    pub n: u32,
+    pub old_stride: u32,
+    pub new_stride: u32,
+    pub n_planes: u32,
+    pub kind: u32,
+    pub pad: [u32; 3],
 }
 
 const KIND_GEOMETRY: u32 = 0;
