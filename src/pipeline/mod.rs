@@ -1,14 +1,17 @@
 //! The stages in a row, as the commands call them.
 
 mod evaluate;
+mod prepare;
 mod render;
 mod train;
 
 pub use evaluate::evaluate;
+pub use prepare::{Prepared, prepare};
 pub use render::render;
 pub use train::train;
 
 use std::path::PathBuf;
+use std::time::Instant;
 
 use crate::camera::{Camera, Frame};
 use crate::error::{Error, Result};
@@ -83,4 +86,21 @@ fn focus_of(scene: &Scene) -> Result<(Focus, Frame)> {
 
 fn cameras(views: &[View]) -> Vec<Camera> {
     views.iter().map(|view| view.camera.clone()).collect()
+}
+
+/// Wall-clock time of stages in a row.
+struct Clock(Instant);
+
+impl Clock {
+    fn start() -> Clock {
+        Clock(Instant::now())
+    }
+
+    /// Seconds since the last lap.
+    fn lap(&mut self) -> f64 {
+        let now = Instant::now();
+        let lap = now.duration_since(self.0).as_secs_f64();
+        self.0 = now;
+        lap
+    }
 }

@@ -1,14 +1,9 @@
 //! Training a scene: the stages in a row, timed, into a run directory.
 
-use std::time::Instant;
-
-use super::{cameras, evaluate, focus_of};
-use crate::camera::{Camera, Frame};
+use super::{Clock, Prepared, cameras, evaluate, prepare};
 use crate::cameras_json::write_cameras;
 use crate::config::Config;
 use crate::error::Result;
-use crate::field::{Coverage, Field, fibonacci_sphere};
-use crate::gaussians::Gaussians;
 use crate::gaussians::ply::write_ply;
 use crate::gpu::Gpu;
 use crate::progress::Progress;
@@ -18,10 +13,8 @@ use crate::run::{
     Evaluation, LossSample, Memory, Metrics, ModelSize, PoseProtocol, RunDir, SceneRecord, Seconds,
     peak_host_bytes,
 };
-use crate::scene::{Image, Scene, SceneSource, View, thin};
-use crate::splat::{SplatImage, splat_views};
-use crate::train::{self, Observer, Supervision, TrainingView};
-use crate::views::{VirtualView, virtual_views};
+use crate::scene::{Image, Scene, SceneSource, View};
+use crate::train::{self, Observer, TrainingView};
 
 /// Trains on `scene`, evaluates at its test views and writes all into `run`; `load_s` is how
 /// long loading took.
@@ -40,36 +33,26 @@ pub fn train(
     let gpu = Gpu::open()?;
     eprintln!("adapter: {}", gpu.describe());
 
-    let train_cameras = cameras(&scene.train);
-    let mut clock = Clock::start();
-    let (focus, frame) = focus_of(scene)?;
-    let field = Field::new(&train_cameras, &focus, &config.field);
-    let coverage = Coverage::new(&field, &fibonacci_sphere(config.field.n_candidates));
-    seconds.field = Some(clock.lap());
-    if let Some(why) = &focus.fallback {
-        eprintln!("warning: {why}");
+    let Prepared {
+        frame,
+        virtual_cameras,
+        supervision,
+        start,
+        warnings,
+    } = prepare(scene, config, &mut seconds)?;
+    for warning in &warnings {
+        eprintln!("warning: {warning}");
     }
-    let virtual_views = virtual_views(&train_cameras, &focus, &field, config)?;
-    let virtual_cameras: Vec<Camera> = virtual_views.iter().map(|v| v.camera.clone()).collect();
-    seconds.sample = Some(clock.lap());
-    let near = config.model.near;
-    let splats = splat_views(&scene.cloud, &frame, &virtual_cameras, &config.splat, near)?;
-    seconds.splat = Some(clock.lap());
-    write_virtual_sheet(run, &splats)?;
-    let all = [train_cameras, cameras(&scene.test), virtual_cameras].concat();
-    write_cameras(&run.cameras(), &all)?;
-
-    clock.lap();
-    let n_pixels: usize = scene.train.iter().map(|view| n_pixels(&view.image)).sum();
-    let n_points = config.scene.max_points.unwrap_or(n_pixels);
-    let cloud = thin(&scene.cloud, n_points, config.seed);
-    let start = Gaussians::from_cloud(&cloud, &frame, &config.model)?;
     eprintln!(
         "{} Gaussians from {} points",
         start.len(),
         scene.cloud.len()
     );
-    let supervision = supervision(scene, &frame, coverage, &virtual_views, splats);
+    write_virtual_sheet(run, &supervision.virtual_views)?;
+    let all = [cameras(&scene.train), cameras(&scene.test), virtual_cameras].concat();
+    write_cameras(&run.cameras(), &all)?;
+
+    let mut clock = Clock::start();
     let kernels = Kernels::new(&gpu);
     let mut log = Log {
         progress: Progress::new(config.iterations),
@@ -108,73 +91,25 @@ pub fn train(
     Ok(evaluation)
 }
 
-/// The views that the optimiser learns from, in the canonical frame.
-fn supervision(
-    scene: &Scene,
-    frame: &Frame,
-    coverage: Coverage,
-    virtual_views: &[VirtualView],
-    splats: Vec<SplatImage>,
-) -> Supervision {
-    let real = scene.train.iter().map(|view| TrainingView {
-        camera: frame.camera_to_canonical(&view.camera),
-        goal: view
-            .image
-            .rgb
-            .chunks_exact(3)
-            .map(|p| u32::from_le_bytes([p[0], p[1], p[2], 255]))
-            .collect(),
-        masked: false,
-        weight: 1.0,
-    });
-    let virtual_views = virtual_views
-        .iter()
-        .zip(splats)
-        .map(|(view, splat)| TrainingView {
-            camera: frame.camera_to_canonical(&view.camera),
-            goal: bytemuck::pod_collect_to_vec(&splat.rgba),
-            masked: true,
-            weight: view.alpha,
-        });
-    let real: Vec<TrainingView> = real.collect();
-    Supervision {
-        extent: extent(&real),
-        real,
-        virtual_views: virtual_views.collect(),
-        coverage,
-    }
-}
-
-/// 3DGS's camera extent: 1.1 times the greatest distance of a camera from their mean.
-fn extent(views: &[TrainingView]) -> f64 {
-    let centers: Vec<_> = views.iter().map(|view| view.camera.center()).collect();
-    let mean = centers.iter().sum::<glam::DVec3>() / centers.len().max(1) as f64;
-    1.1 * centers.iter().map(|c| c.distance(mean)).fold(0.0, f64::max)
-}
-
-fn write_virtual_sheet(run: &RunDir, splats: &[SplatImage]) -> Result<()> {
-    let Some(first) = splats.first() else {
+fn write_virtual_sheet(run: &RunDir, views: &[TrainingView]) -> Result<()> {
+    let Some(first) = views.first() else {
         return Ok(());
     };
-    let mut sheet = ContactSheet::new(splats.len(), 2, first.width, first.height)?;
-    for splat in splats {
-        let (width, height) = (splat.width, splat.height);
-        let rgb = splat
-            .rgba
-            .chunks_exact(4)
-            .flat_map(|p| [p[0], p[1], p[2]])
+    let (width, height) = (first.camera.width, first.camera.height);
+    let mut sheet = ContactSheet::new(views.len(), 2, width, height)?;
+    for TrainingView { camera, goal, .. } in views {
+        let (width, height) = (camera.width, camera.height);
+        let rgb = goal
+            .iter()
+            .flat_map(|t| t.to_le_bytes().into_iter().take(3))
             .collect();
-        let mask: Vec<bool> = splat.mask().collect();
+        let mask: Vec<bool> = goal.iter().map(|&texel| texel >= 0xff00_0000).collect();
         sheet.add(&[
             &Image { width, height, rgb },
             &mask_image(width, height, &mask),
         ])?;
     }
     write_png(&run.virtual_sheet(), &sheet.finish())
-}
-
-fn n_pixels(image: &Image) -> usize {
-    image.width as usize * image.height as usize
 }
 
 fn model_sizes(start: usize, plans: &[train::PlanRecord]) -> Vec<ModelSize> {
@@ -200,22 +135,5 @@ impl Observer for Log {
     fn look(&mut self, sample: &LossSample, n_gaussians: usize) {
         self.progress
             .update(sample.iteration, sample.loss, n_gaussians);
-    }
-}
-
-/// Wall-clock time of stages in a row.
-struct Clock(Instant);
-
-impl Clock {
-    fn start() -> Clock {
-        Clock(Instant::now())
-    }
-
-    /// Seconds since the last lap.
-    fn lap(&mut self) -> f64 {
-        let now = Instant::now();
-        let lap = now.duration_since(self.0).as_secs_f64();
-        self.0 = now;
-        lap
     }
 }

@@ -27,6 +27,8 @@ pub struct TrainingView {
     pub camera: Camera,
     /// RGBA8, `height * width`, red in the lowest byte; alpha 255 where the pixel counts.
     pub goal: Vec<u32>,
+    /// Number of pixels that count.
+    pub n_valid: usize,
     /// Whether some pixels do not count.
     pub masked: bool,
     /// Weight of its loss: 1 for real views, `alpha_k` for virtual ones.
@@ -225,21 +227,9 @@ impl<'a> Trainer<'a> {
             virtual_view.map(|k| (&self.supervision.virtual_views[k], self.virtual_views[k])),
         ];
         for (slot, (view, uniform)) in chosen.into_iter().flatten().enumerate() {
-            let n_valid = if view.masked {
-                view.goal
-                    .iter()
-                    .filter(|&&texel| texel >= 0xff00_0000)
-                    .count()
-            } else {
-                view.goal.len()
-            };
-            let weight = view.weight
-                * if slot == 0 {
-                    1.0
-                } else {
-                    config.loss.virtual_weight
-                };
-            let loss = LossUniform::new(weight, config.loss.ssim_weight, n_valid, view.masked);
+            let scale = [1.0, config.loss.virtual_weight][slot];
+            let w = config.loss.ssim_weight;
+            let loss = LossUniform::new(view.weight * scale, w, view.n_valid, view.masked);
             self.workspace.set_goal(self.gpu, slot, &view.goal);
             let pass = Pass::new(
                 self.gpu,

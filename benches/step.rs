@@ -1,0 +1,102 @@
+//! GPU time of one training step by kernel.
+//!
+//! `cargo bench --bench step -- [--scene DIR|builtin:WIDTH] [--max-size PX] [--max-points N]
+//! [--preset NAME] [--warmup N] [--steps N]`
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use clap::Parser;
+use gspotential::config::Config;
+use gspotential::error::{Error, Result};
+use gspotential::gpu::{Gpu, Profile};
+use gspotential::pipeline::{load_scene, prepare};
+use gspotential::render::Kernels;
+use gspotential::run::Seconds;
+use gspotential::scene::{LoadOptions, SceneSource};
+use gspotential::train::Trainer;
+
+#[derive(Parser)]
+struct Args {
+    #[arg(long, default_value = "builtin")]
+    scene: SceneSource,
+    #[arg(long, default_value_t = 320)]
+    max_size: u32,
+    #[arg(long)]
+    max_points: Option<usize>,
+    #[arg(long, default_value = "paper")]
+    preset: String,
+    /// Steps before the measured ones
+    #[arg(long, default_value_t = 5)]
+    warmup: u32,
+    /// Steps measured
+    #[arg(long, default_value_t = 20)]
+    steps: u32,
+    /// What cargo passes to every bench
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn main() -> Result<()> {
+    let args = Args::parse();
+    let mut config = Config::preset(&args.preset)?;
+    config.scene.max_size_px = Some(args.max_size);
+    config.scene.max_points = args.max_points;
+    let scene = load_scene(
+        &args.scene.resolved()?.at_most(args.max_size),
+        &LoadOptions {
+            max_width: config.scene.max_width_px,
+            max_size: config.scene.max_size_px,
+            train_views: None,
+            n_train: config.scene.n_train,
+            n_test: 1,
+        },
+    )?;
+    let mut seconds = Seconds::default();
+    let prepared = prepare(&scene, &config, &mut seconds)?;
+    let gpu = Gpu::open()?;
+    let kernels = Kernels::new(&gpu);
+    let supervision = &prepared.supervision;
+    let mut trainer = Trainer::new(&gpu, &kernels, &prepared.start, supervision, &config)?;
+    for i in 0..args.warmup {
+        trainer.step(i, None);
+        gpu.wait()?;
+    }
+    let mut profile =
+        Profile::new(&gpu).ok_or_else(|| Error::new("the adapter has no timestamps"))?;
+    let mut kernels: BTreeMap<&str, f64> = BTreeMap::new();
+    let mut wall = 0.0;
+    for i in args.warmup..args.warmup + args.steps {
+        let start = Instant::now();
+        trainer.step(i, Some(&mut profile));
+        gpu.wait()?;
+        wall += start.elapsed().as_secs_f64();
+        for (name, s) in profile.take(&gpu)? {
+            *kernels.entry(name).or_insert(0.0) += s;
+        }
+    }
+    let n = f64::from(args.steps);
+    let total: f64 = kernels.values().sum();
+    println!(
+        "{}: {} Gaussians, {}",
+        gpu.describe(),
+        prepared.start.len(),
+        scene.name
+    );
+    println!("\n| kernel | ms a step | share |\n|---|---:|---:|");
+    let mut rows: Vec<_> = kernels.into_iter().collect();
+    rows.sort_by(|a, b| b.1.total_cmp(&a.1));
+    for (name, s) in rows {
+        println!(
+            "| {name} | {:.2} | {:.1} % |",
+            s / n * 1e3,
+            s / total * 100.0
+        );
+    }
+    println!(
+        "| all kernels | {:.2} | |\n| wall | {:.2} | |",
+        total / n * 1e3,
+        wall / n * 1e3
+    );
+    Ok(())
+}
