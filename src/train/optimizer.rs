@@ -54,11 +54,11 @@ impl StepUniform {
                 [rotation; 4],
                 [o.sh_lr as f32, (o.sh_lr / 20.0) as f32, 0.0, 0.0],
             ],
-            betas: [o.beta1 as f32, o.beta2 as f32, o.epsilon as f32, 0.0],
+            betas: [o.beta1, o.beta2, 1.0 - o.beta1, 1.0 - o.beta2].map(|b| b as f32),
             corrections: [
                 (1.0 / (1.0 - o.beta1.powf(t))) as f32,
                 (1.0 / (1.0 - o.beta2.powf(t)).sqrt()) as f32,
-                0.0,
+                o.epsilon as f32,
                 0.0,
             ],
             counts: [0; 4],
