@@ -10,5 +10,5 @@ mod loss;
 mod project;
 mod rearrange;
 mod reflection;
-mod render;
+pub mod render;
 pub mod rig;
