@@ -66,16 +66,19 @@ fn main() -> Result<()> {
         Profile::new(&gpu).ok_or_else(|| Error::new("the adapter has no timestamps"))?;
     let mut kernels: BTreeMap<&str, f64> = BTreeMap::new();
     let mut wall = 0.0;
+    let mut pairs = 0;
     for i in args.warmup..args.warmup + args.steps {
         let start = Instant::now();
         trainer.step(i, Some(&mut profile));
         gpu.wait()?;
         wall += start.elapsed().as_secs_f64();
+        pairs += trainer.n_pairs()?;
         for (name, s) in profile.take(&gpu)? {
             *kernels.entry(name).or_insert(0.0) += s;
         }
     }
     let n = f64::from(args.steps);
+    println!("{:.0} pairs in the step's last view", pairs as f64 / n);
     let total: f64 = kernels.values().sum();
     println!(
         "{}: {} Gaussians, {}",

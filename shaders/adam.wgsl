@@ -12,7 +12,7 @@ struct Step {
     betas: vec4f,
     // 1 / (1 - beta1^t), 1 / sqrt(1 - beta2^t), epsilon, 0.
     corrections: vec4f,
-    // Number of Gaussians, stride, active SH degree, 0.
+    // Number of Gaussians, stride, 0, 0.
     counts: vec4u,
 }
 
@@ -23,8 +23,6 @@ struct Step {
 // Geometry: gradient planes. SH: geometry planes, for the mean.
 @group(0) @binding(4) var<storage, read> source: array<vec4f>;
 @group(0) @binding(5) var<storage, read> d_color: array<vec4f>;
-// SH: x: first plane of this block, y: number of planes.
-@group(0) @binding(6) var<uniform> block: vec4u;
 @group(0) @binding(7) var<storage, read> totals: array<u32>;
 @group(0) @binding(8) var<storage, read> screen: array<vec2f>;
 // Densification statistics: sum of |d_mean2d|, number of views drawn in, largest radius, 0.
@@ -57,39 +55,87 @@ fn adam_geometry(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
     }
 }
 
-// Gradient of the four packed floats of plane `plane`.
-fn sh_gradient(plane: u32, basis: ptr<function, array<f32, 16>>, color: vec3f) -> vec4f {
-    let first = 4u * plane;
-    let k = first / 3u;
-    switch (first % 3u) {
-        case 0u: { return vec4f((*basis)[k] * color, (*basis)[k + 1u] * color.x); }
-        case 1u: { return vec4f((*basis)[k] * color.yz, (*basis)[k + 1u] * color.xy); }
-        default: { return vec4f((*basis)[k] * color.z, (*basis)[k + 1u] * color); }
-    }
+// What the SH gradient of a step's views needs: basis and colour gradient of each.
+struct ShGradient {
+    basis_0: Basis,
+    basis_1: Basis,
+    color_0: vec3f,
+    color_1: vec3f,
 }
 
-@compute @workgroup_size(WORKGROUP)
-fn adam_sh(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let id = (group.y * groups.x + group.x) * WORKGROUP + local;
-    if (id >= step.counts.x || totals[TOTAL_OVERFLOW] != 0u) {
-        return;
-    }
-    let stride = step.counts.y;
+fn sh_gradient(id: u32) -> ShGradient {
     let mean = source[id].xyz;
     // A Gaussian at an optical centre is never drawn: its direction only must not be NaN.
     let offset_0 = mean - step.centers[0].xyz;
     let offset_1 = mean - step.centers[1].xyz;
-    var basis_0 = sh_basis(offset_0 / max(length(offset_0), 1e-30), step.counts.z);
-    var basis_1 = sh_basis(offset_1 / max(length(offset_1), 1e-30), step.counts.z);
-    let color_0 = d_color[id].xyz * step.centers[0].w;
-    let color_1 = d_color[stride + id].xyz * step.centers[1].w;
-    for (var p = 0u; p < block.y; p++) {
-        let plane = block.x + p;
-        let gradient = sh_gradient(plane, &basis_0, color_0) + sh_gradient(plane, &basis_1, color_1);
-        var rate = vec4f(step.rates[3].y);
-        if (plane == 0u) {
-            rate = vec4f(vec3f(step.rates[3].x), step.rates[3].y);
-        }
-        update(p * stride + id, gradient, rate);
+    return ShGradient(
+        sh_basis(offset_0 / max(length(offset_0), 1e-30)),
+        sh_basis(offset_1 / max(length(offset_1), 1e-30)),
+        d_color[id].xyz * step.centers[0].w,
+        d_color[step.counts.y + id].xyz * step.centers[1].w,
+    );
+}
+
+// Gradients of the three planes of a group of four coefficients, of both views.
+fn sh_first(y_0: vec4f, y_1: vec4f, c_0: vec3f, c_1: vec3f) -> vec4f {
+    return vec4f(y_0.x * c_0, y_0.y * c_0.x) + vec4f(y_1.x * c_1, y_1.y * c_1.x);
+}
+
+fn sh_second(y_0: vec4f, y_1: vec4f, c_0: vec3f, c_1: vec3f) -> vec4f {
+    return vec4f(y_0.y * c_0.yz, y_0.z * c_0.xy) + vec4f(y_1.y * c_1.yz, y_1.z * c_1.xy);
+}
+
+fn sh_third(y_0: vec4f, y_1: vec4f, c_0: vec3f, c_1: vec3f) -> vec4f {
+    return vec4f(y_0.z * c_0.z, y_0.w * c_0) + vec4f(y_1.z * c_1.z, y_1.w * c_1);
+}
+
+fn thread_id(group: vec3u, groups: vec3u, local: u32) -> u32 {
+    return (group.y * groups.x + group.x) * WORKGROUP + local;
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn adam_sh_0(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let id = thread_id(group, groups, local);
+    if (id >= step.counts.x || totals[TOTAL_OVERFLOW] != 0u) {
+        return;
     }
+    let g = sh_gradient(id);
+    let stride = step.counts.y;
+    let rest = vec4f(step.rates[3].y);
+    update(id, sh_first(g.basis_0.a, g.basis_1.a, g.color_0, g.color_1), vec4f(vec3f(step.rates[3].x), rest.w));
+    if (SH_DEGREE >= 1u) {
+        update(stride + id, sh_second(g.basis_0.a, g.basis_1.a, g.color_0, g.color_1), rest);
+        update(2u * stride + id, sh_third(g.basis_0.a, g.basis_1.a, g.color_0, g.color_1), rest);
+    }
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn adam_sh_2(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let id = thread_id(group, groups, local);
+    if (id >= step.counts.x || totals[TOTAL_OVERFLOW] != 0u) {
+        return;
+    }
+    let g = sh_gradient(id);
+    let stride = step.counts.y;
+    let rate = vec4f(step.rates[3].y);
+    update(id, sh_first(g.basis_0.b, g.basis_1.b, g.color_0, g.color_1), rate);
+    update(stride + id, sh_second(g.basis_0.b, g.basis_1.b, g.color_0, g.color_1), rate);
+    update(2u * stride + id, sh_third(g.basis_0.b, g.basis_1.b, g.color_0, g.color_1), rate);
+    update(3u * stride + id, sh_first(g.basis_0.c, g.basis_1.c, g.color_0, g.color_1), rate);
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn adam_sh_3(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let id = thread_id(group, groups, local);
+    if (id >= step.counts.x || totals[TOTAL_OVERFLOW] != 0u) {
+        return;
+    }
+    let g = sh_gradient(id);
+    let stride = step.counts.y;
+    let rate = vec4f(step.rates[3].y);
+    update(id, sh_second(g.basis_0.c, g.basis_1.c, g.color_0, g.color_1), rate);
+    update(stride + id, sh_third(g.basis_0.c, g.basis_1.c, g.color_0, g.color_1), rate);
+    update(2u * stride + id, sh_first(g.basis_0.d, g.basis_1.d, g.color_0, g.color_1), rate);
+    update(3u * stride + id, sh_second(g.basis_0.d, g.basis_1.d, g.color_0, g.color_1), rate);
+    update(4u * stride + id, sh_third(g.basis_0.d, g.basis_1.d, g.color_0, g.color_1), rate);
 }

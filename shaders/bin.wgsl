@@ -1,25 +1,26 @@
-// Finds the tiles that each splat reaches: one thread a splat. Runs twice with the same code:
-// `COUNT` counts a splat's tiles and a tile's splats, `EMIT` writes the pairs. A tile's slots are
-// handed out in no fixed order; the sort by (depth, Gaussian) restores one.
+// Finds the tiles that each splat reaches: one thread a splat, front to back. Runs twice with the
+// same code: `COUNT` counts a splat's tiles, `EMIT` writes its pairs, which are numbered front to
+// back, splat by splat.
 #import shared/view
 
 const COUNT = 0u;
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> splats: array<vec4f>;
-// Per splat: number of tiles (COUNT), then the first pair (EMIT).
+// Per splat, front to back: number of tiles (COUNT), then the first pair (EMIT).
 @group(0) @binding(2) var<storage, read_write> splat_pairs: array<u32>;
-// Per tile: number of pairs (COUNT), then the next free slot (EMIT).
-@group(0) @binding(3) var<storage, read_write> tile_cursor: array<atomic<u32>>;
-@group(0) @binding(4) var<storage, read_write> pair_keys: array<vec2u>;
+// (tile, pair).
+@group(0) @binding(4) var<storage, read_write> pairs: array<vec2u>;
 @group(0) @binding(5) var<storage, read_write> pair_gaussian: array<u32>;
 @group(0) @binding(6) var<storage, read> totals: array<u32>;
 @group(0) @binding(7) var<uniform> mode: vec4u;
+// (key, Gaussian), front to back.
+@group(0) @binding(8) var<storage, read> depth_order: array<vec2u>;
 
 @compute @workgroup_size(WORKGROUP)
 fn bin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let id = (group.y * groups.x + group.x) * WORKGROUP + local;
-    if (id >= view.counts.x) {
+    let rank = (group.y * groups.x + group.x) * WORKGROUP + local;
+    if (rank >= view.counts.x) {
         return;
     }
     let stride = view.counts.y;
@@ -27,13 +28,14 @@ fn bin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec
     if (!counting && totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
+    let id = depth_order[rank].y;
     let s0 = splats[id];
     let s1 = splats[stride + id];
     var n_pairs = 0u;
     if (s1.w > 0.0) {
         var first = 0u;
         if (!counting) {
-            first = splat_pairs[id];
+            first = splat_pairs[rank];
         }
         // Rounding may not lose a pixel at the rim.
         let reach = s1.w * 1.0001 + 1e-4;
@@ -69,10 +71,9 @@ fn bin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec
                     let column_1 = u32(x_1) / TILE_W;
                     for (var column = column_0; column <= column_1; column++) {
                         let tile = row * view.size.z + column;
-                        let slot = atomicAdd(&tile_cursor[tile], 1u);
                         if (!counting) {
                             let pair = first + n_pairs;
-                            pair_keys[slot] = vec2u(bitcast<u32>(s1.z), pair);
+                            pairs[pair] = vec2u(tile, pair);
                             pair_gaussian[pair] = id;
                         }
                         n_pairs++;
@@ -82,6 +83,6 @@ fn bin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec
         }
     }
     if (counting) {
-        splat_pairs[id] = n_pairs;
+        splat_pairs[rank] = n_pairs;
     }
 }

@@ -17,8 +17,6 @@
 @group(0) @binding(4) var<storage, read> sh_3: array<vec4f>;
 @group(0) @binding(5) var<storage, read_write> splats: array<vec4f>;
 
-#import shared/sh_read
-
 @compute @workgroup_size(WORKGROUP)
 fn project(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
     let id = (group.y * groups.x + group.x) * WORKGROUP + local;
@@ -58,13 +56,21 @@ fn project(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups:
     }
 
     let direction = normalize(g.mean - view.center_near.xyz);
-    let degree = view.counts.z;
-    var y = sh_basis(direction, degree);
-    var coefficients = sh_rest(id, stride, degree);
-    var color = vec3f(0.5) + y[0] * coefficients[0];
-    let n = (degree + 1u) * (degree + 1u);
-    for (var k = 1u; k < n; k++) {
-        color += y[k] * coefficients[k];
+    let y = sh_basis(direction);
+    let p0 = sh_0[id];
+    var color = vec3f(0.5) + y.a.x * p0.xyz;
+    if (SH_DEGREE >= 1u) {
+        color = vec3f(0.5) + sh_sum(y.a, p0, sh_0[stride + id], sh_0[2u * stride + id]);
+    }
+    if (SH_DEGREE >= 2u) {
+        color += sh_sum(y.b, sh_2[id], sh_2[stride + id], sh_2[2u * stride + id]);
+        let p6 = sh_2[3u * stride + id];
+        if (SH_DEGREE == 2u) {
+            color += y.c.x * p6.xyz;
+        } else {
+            color += sh_sum(y.c, p6, sh_3[id], sh_3[stride + id]);
+            color += sh_sum(y.d, sh_3[2u * stride + id], sh_3[3u * stride + id], sh_3[4u * stride + id]);
+        }
     }
     if (!is_finite(color.x + color.y + color.z)) {
         return;

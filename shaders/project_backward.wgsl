@@ -1,4 +1,4 @@
-// Gradient of the projection: one thread a Gaussian. Sums the Gaussian's pairs in their fixed
+// Gradient of the projection: one thread a Gaussian, front to back. Sums the Gaussian's pairs in their fixed
 // order and carries the sums through covariance, projection, SH direction and quaternion
 // normalisation to the stored parameters. The step's first view writes, its second adds.
 #import shared/view
@@ -11,7 +11,7 @@
 @group(0) @binding(3) var<storage, read> sh_2: array<vec4f>;
 @group(0) @binding(4) var<storage, read> sh_3: array<vec4f>;
 @group(0) @binding(5) var<storage, read> splats: array<vec4f>;
-// Per Gaussian: its first pair.
+// Per splat, front to back: its first pair.
 @group(0) @binding(6) var<storage, read> splat_pairs: array<u32>;
 @group(0) @binding(7) var<storage, read> d_pair_a: array<vec4f>;
 @group(0) @binding(8) var<storage, read> d_pair_b: array<vec4f>;
@@ -24,24 +24,25 @@
 // longer image side (0: not drawn).
 @group(0) @binding(12) var<storage, read_write> screen: array<vec2f>;
 @group(0) @binding(13) var<storage, read> totals: array<u32>;
-
-#import shared/sh_read
+// (key, Gaussian), front to back.
+@group(0) @binding(14) var<storage, read> depth_order: array<vec2u>;
 
 const TWO_LN_2 = 1.3862943611198906;
 
 @compute @workgroup_size(WORKGROUP)
 fn project_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let id = (group.y * groups.x + group.x) * WORKGROUP + local;
+    let rank = (group.y * groups.x + group.x) * WORKGROUP + local;
     let n = view.counts.x;
-    if (id >= n || totals[TOTAL_OVERFLOW] != 0u) {
+    if (rank >= n || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
     let stride = view.counts.y;
     let slot = view.planes.z;
-    let first = splat_pairs[id];
+    let id = depth_order[rank].y;
+    let first = splat_pairs[rank];
     var end = totals[TOTAL_PAIRS];
-    if (id + 1u < n) {
-        end = splat_pairs[id + 1u];
+    if (rank + 1u < n) {
+        end = splat_pairs[rank + 1u];
     }
     if (first == end) {
         if (slot == 0u) {
@@ -111,12 +112,24 @@ fn project_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
     var d_mean = d_p.x * view.w2c_x.xyz + d_p.y * view.w2c_y.xyz + d_p.z * view.w2c_z.xyz;
 
     let d_c = select(vec3f(0.0), vec3f(b.zw, c), color > vec3f(0.0));
-    let degree = view.counts.z;
-    if (degree > 0u) {
+    if (SH_DEGREE > 0u) {
         let offset = g.mean - view.center_near.xyz;
         let distance = length(offset);
         let direction = offset / distance;
-        let d_direction = sh_direction_gradient(sh_rest(id, stride, degree), direction, degree, d_c);
+        let a = sh_dots(sh_0[id], sh_0[stride + id], sh_0[2u * stride + id], d_c);
+        var b = vec4f(0.0);
+        var c = vec4f(0.0);
+        var d = vec4f(0.0);
+        if (SH_DEGREE >= 2u) {
+            b = sh_dots(sh_2[id], sh_2[stride + id], sh_2[2u * stride + id], d_c);
+            let p6 = sh_2[3u * stride + id];
+            c.x = dot(p6.xyz, d_c);
+            if (SH_DEGREE >= 3u) {
+                c = sh_dots(p6, sh_3[id], sh_3[stride + id], d_c);
+                d = sh_dots(sh_3[2u * stride + id], sh_3[3u * stride + id], sh_3[4u * stride + id], d_c);
+            }
+        }
+        let d_direction = sh_direction_gradient(direction, a, b, c, d);
         d_mean += (d_direction - direction * dot(direction, d_direction)) / distance;
     }
 

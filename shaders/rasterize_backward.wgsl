@@ -9,8 +9,9 @@
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> splats: array<vec4f>;
-@group(0) @binding(2) var<storage, read> tile_cursor: array<u32>;
-@group(0) @binding(3) var<storage, read> pair_keys: array<vec2u>;
+@group(0) @binding(2) var<storage, read> tile_ranges: array<vec2u>;
+@group(0) @binding(3) var<storage, read> tile_pairs: array<vec2u>;
+@group(0) @binding(11) var<storage, read> pair_gaussian: array<u32>;
 @group(0) @binding(4) var<storage, read> rendered: array<vec4f>;
 @group(0) @binding(5) var<storage, read> last_blended: array<vec4u>;
 // Planes d_r, d_g, d_b, d_alpha: gradient of the loss with respect to the render.
@@ -38,39 +39,44 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgrou
     let y = (tile / view.size.z) * TILE_H;
     let px = vec4f(0.5, 1.5, 2.5, 3.5) + f32(4u * x4);
     let py = f32(y) + 0.5;
-    var d_red: array<vec4f, TILE_H>;
-    var d_green: array<vec4f, TILE_H>;
-    var d_blue: array<vec4f, TILE_H>;
-    var transmittance: array<vec4f, TILE_H>;
+    #repeat r TILE_H
+    var d_red_{r}: vec4f;
+    var d_green_{r}: vec4f;
+    var d_blue_{r}: vec4f;
+    var transmittance_{r}: vec4f;
     // dot(d_color, colour behind), all splats behind and the background included.
-    var behind: array<vec4f, TILE_H>;
-    var last: array<vec4u, TILE_H>;
+    var behind_{r}: vec4f;
+    var last_{r}: vec4u;
+    #end
     var n_blended = 0u;
-    for (var r = 0u; r < TILE_H; r++) {
-        d_red[r] = d_rendered[plane_index(view, 0u, x4, y + r)];
-        d_green[r] = d_rendered[plane_index(view, 1u, x4, y + r)];
-        d_blue[r] = d_rendered[plane_index(view, 2u, x4, y + r)];
-        let d_alpha = d_rendered[plane_index(view, 3u, x4, y + r)];
-        let t = rendered[plane_index(view, 3u, x4, y + r)];
-        let background = d_red[r] * view.background.x + d_green[r] * view.background.y + d_blue[r] * view.background.z;
-        transmittance[r] = t;
-        behind[r] = t * (background - d_alpha);
-        last[r] = last_blended[plane_index(view, 0u, x4, y + r)];
-        n_blended = max(n_blended, max(max(last[r].x, last[r].y), max(last[r].z, last[r].w)));
+    #repeat r TILE_H
+    {
+        d_red_{r} = d_rendered[plane_index(view, 0u, x4, y + {r}u)];
+        d_green_{r} = d_rendered[plane_index(view, 1u, x4, y + {r}u)];
+        d_blue_{r} = d_rendered[plane_index(view, 2u, x4, y + {r}u)];
+        let d_alpha = d_rendered[plane_index(view, 3u, x4, y + {r}u)];
+        let t = rendered[plane_index(view, 3u, x4, y + {r}u)];
+        let background = d_red_{r} * view.background.x + d_green_{r} * view.background.y + d_blue_{r} * view.background.z;
+        transmittance_{r} = t;
+        behind_{r} = t * (background - d_alpha);
+        last_{r} = last_blended[plane_index(view, 0u, x4, y + {r}u)];
+        n_blended = max(n_blended, max(max(last_{r}.x, last_{r}.y), max(last_{r}.z, last_{r}.w)));
     }
+    #end
 
-    let range = tile_range(tile);
+    let range = tile_ranges[tile];
     for (var i = range.x + n_blended; i < range.y; i++) {
-        let pair = pair_keys[i].y;
+        let pair = tile_pairs[i].y;
         d_pair_a[pair] = vec4f(0.0);
         d_pair_b[pair] = vec4f(0.0);
         d_pair_c[pair] = 0.0;
     }
     for (var number = n_blended; number > 0u; number--) {
-        let key = pair_keys[range.x + number - 1u];
-        let s0 = splats[key.x];
-        let s1 = splats[stride + key.x];
-        let color = splats[2u * stride + key.x];
+        let pair = tile_pairs[range.x + number - 1u].y;
+        let id = pair_gaussian[pair];
+        let s0 = splats[id];
+        let s1 = splats[stride + id];
+        let color = splats[2u * stride + id];
         let dx = px - s0.x;
         var sum_v = vec4f(0.0);
         var sum_x = vec4f(0.0);
@@ -81,21 +87,22 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgrou
         var sum_r = vec4f(0.0);
         var sum_g = vec4f(0.0);
         var sum_b = vec4f(0.0);
-        for (var r = 0u; r < TILE_H; r++) {
-            let dy = py + f32(r) - s0.y;
+        #repeat r TILE_H
+        {
+            let dy = py + {r}.0 - s0.y;
             let t_y = s1.x * dy;
             let t_x = s0.z * dx + s0.w * dy;
             let raw = s1.y * exp2_negative(-(t_x * t_x + t_y * t_y));
             let alpha = min(vec4f(ALPHA_MAX), raw);
-            let blended = (alpha >= vec4f(ALPHA_MIN)) & (vec4u(number) <= last[r]);
+            let blended = (alpha >= vec4f(ALPHA_MIN)) & (vec4u(number) <= last_{r});
             let inverse = 1.0 / (1.0 - alpha);
-            let before = select(transmittance[r], transmittance[r] * inverse, blended);
+            let before = select(transmittance_{r}, transmittance_{r} * inverse, blended);
             let weight = select(vec4f(0.0), alpha * before, blended);
-            let shade = d_red[r] * color.x + d_green[r] * color.y + d_blue[r] * color.z;
-            let d_alpha = before * shade - behind[r] * inverse;
+            let shade = d_red_{r} * color.x + d_green_{r} * color.y + d_blue_{r} * color.z;
+            let d_alpha = before * shade - behind_{r} * inverse;
             let v = select(vec4f(0.0), d_alpha * alpha, blended & (raw < vec4f(ALPHA_MAX)));
-            transmittance[r] = before;
-            behind[r] += weight * shade;
+            transmittance_{r} = before;
+            behind_{r} += weight * shade;
             let v_x = v * t_x;
             sum_v += v;
             sum_x += v_x;
@@ -103,12 +110,13 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgrou
             sum_xx += v_x * t_x;
             sum_xy += v_x * t_y;
             sum_yy += v * (t_y * t_y);
-            sum_r += weight * d_red[r];
-            sum_g += weight * d_green[r];
-            sum_b += weight * d_blue[r];
+            sum_r += weight * d_red_{r};
+            sum_g += weight * d_green_{r};
+            sum_b += weight * d_blue_{r};
         }
-        d_pair_a[key.y] = vec4f(sum4(sum_v), sum4(sum_x), sum4(sum_y), sum4(sum_xx));
-        d_pair_b[key.y] = vec4f(sum4(sum_xy), sum4(sum_yy), sum4(sum_r), sum4(sum_g));
-        d_pair_c[key.y] = sum4(sum_b);
+        #end
+        d_pair_a[pair] = vec4f(sum4(sum_v), sum4(sum_x), sum4(sum_y), sum4(sum_xx));
+        d_pair_b[pair] = vec4f(sum4(sum_xy), sum4(sum_yy), sum4(sum_r), sum4(sum_g));
+        d_pair_c[pair] = sum4(sum_b);
     }
 }

@@ -1,8 +1,10 @@
 // Exclusive prefix sum of counts in place, in three dispatches: sums of blocks, scan of the sums
 // by one workgroup, then the blocks. Additions saturate, so that a total beyond 2^32 is seen as
 // too large instead of wrapping.
+#import shared/radix
+
 struct Scan {
-    // Number of counts; index in `totals` of their sum; capacity that the sum is held against
+    // Number of counts (0: the digit counts of the view's pairs); index in `totals` of their sum; capacity that the sum is held against
     // (0: none); the step's number, stored on overflow.
     n: u32,
     total: u32,
@@ -19,6 +21,14 @@ const BLOCK = SCAN_CHUNK * WORKGROUP;
 
 var<workgroup> sums: array<u32, WORKGROUP>;
 
+fn n_counts() -> u32 {
+    if (scan.n != 0u) {
+        return scan.n;
+    }
+    let pairs = Radix(0u, 1u, 0u, 0u);
+    return n_chunks(n_entries(pairs, totals[TOTAL_PAIRS], totals[TOTAL_OVERFLOW])) << RADIX_BITS;
+}
+
 fn saturating_add(a: u32, b: u32) -> u32 {
     let s = a + b;
     return select(s, 0xffffffffu, s < a);
@@ -26,7 +36,7 @@ fn saturating_add(a: u32, b: u32) -> u32 {
 
 fn chunk_sum(first: u32) -> u32 {
     var sum = 0u;
-    for (var i = first; i < min(first + SCAN_CHUNK, scan.n); i++) {
+    for (var i = first; i < min(first + SCAN_CHUNK, n_counts()); i++) {
         sum = saturating_add(sum, counts[i]);
     }
     return sum;
@@ -55,14 +65,14 @@ fn scan_reduce(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gro
     let block = group.y * groups.x + group.x;
     sums[local] = chunk_sum(block * BLOCK + local * SCAN_CHUNK);
     let total = scan_workgroup(local);
-    if (local == 0u && block * BLOCK < scan.n) {
+    if (local == 0u && block * BLOCK < n_counts()) {
         block_sums[block] = total;
     }
 }
 
 @compute @workgroup_size(WORKGROUP)
 fn scan_blocks(@builtin(local_invocation_index) local: u32) {
-    let n_blocks = (scan.n + BLOCK - 1u) / BLOCK;
+    let n_blocks = (n_counts() + BLOCK - 1u) / BLOCK;
     let chunk = (n_blocks + WORKGROUP - 1u) / WORKGROUP;
     let first = local * chunk;
     var sum = 0u;
@@ -79,7 +89,9 @@ fn scan_blocks(@builtin(local_invocation_index) local: u32) {
     }
     if (local == 0u) {
         totals[scan.total] = total;
-        totals[TOTAL_MAX] = max(totals[TOTAL_MAX], total);
+        if (scan.capacity != 0u) {
+            totals[TOTAL_MAX] = max(totals[TOTAL_MAX], total);
+        }
         if (scan.capacity != 0u && total > scan.capacity && totals[TOTAL_OVERFLOW] == 0u) {
             // Sticky: every later stage of this and of the following steps does nothing until the
             // host has made room and cleared it.
@@ -94,11 +106,11 @@ fn scan_spread(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gro
     let first = block * BLOCK + local * SCAN_CHUNK;
     sums[local] = chunk_sum(first);
     scan_workgroup(local);
-    if (block * BLOCK >= scan.n) {
+    if (block * BLOCK >= n_counts()) {
         return;
     }
     var sum = saturating_add(block_sums[block], sums[local]);
-    for (var i = first; i < min(first + SCAN_CHUNK, scan.n); i++) {
+    for (var i = first; i < min(first + SCAN_CHUNK, n_counts()); i++) {
         let c = counts[i];
         counts[i] = sum;
         sum = saturating_add(sum, c);

@@ -24,33 +24,31 @@ const NORM_PLANE = 15u;
 // Per thread of the vertical passes: sum of SSIM, sum of |x - y|.
 @group(0) @binding(7) var<storage, read_write> partials: array<vec2f>;
 
+// 20 pixels of a row: from 8 before the thread's four to 8 after.
 struct Strip {
-    // 20 pixels of a row: from 8 before the thread's four to 8 after.
-    v: array<vec4f, 5>,
+    #repeat b 5
+    v{b}: vec4f,
+    #end
 }
 
-// v[8 + lane + offset - 5] for the four lanes.
-fn window_row(s: Strip, k: u32) -> vec4f {
-    switch (k) {
-        case 0u: { return vec4f(s.v[0].w, s.v[1].xyz); }
-        case 1u: { return s.v[1]; }
-        case 2u: { return vec4f(s.v[1].yzw, s.v[2].x); }
-        case 3u: { return vec4f(s.v[1].zw, s.v[2].xy); }
-        case 4u: { return vec4f(s.v[1].w, s.v[2].xyz); }
-        case 5u: { return s.v[2]; }
-        case 6u: { return vec4f(s.v[2].yzw, s.v[3].x); }
-        case 7u: { return vec4f(s.v[2].zw, s.v[3].xy); }
-        case 8u: { return vec4f(s.v[2].w, s.v[3].xyz); }
-        case 9u: { return s.v[3]; }
-        default: { return vec4f(s.v[3].yzw, s.v[4].x); }
-    }
-}
+// The four pixels `k - 5` to the right of the thread's own.
+fn tap_0(s: Strip) -> vec4f { return vec4f(s.v0.w, s.v1.xyz); }
+fn tap_1(s: Strip) -> vec4f { return s.v1; }
+fn tap_2(s: Strip) -> vec4f { return vec4f(s.v1.yzw, s.v2.x); }
+fn tap_3(s: Strip) -> vec4f { return vec4f(s.v1.zw, s.v2.xy); }
+fn tap_4(s: Strip) -> vec4f { return vec4f(s.v1.w, s.v2.xyz); }
+fn tap_5(s: Strip) -> vec4f { return s.v2; }
+fn tap_6(s: Strip) -> vec4f { return vec4f(s.v2.yzw, s.v3.x); }
+fn tap_7(s: Strip) -> vec4f { return vec4f(s.v2.zw, s.v3.xy); }
+fn tap_8(s: Strip) -> vec4f { return vec4f(s.v2.w, s.v3.xyz); }
+fn tap_9(s: Strip) -> vec4f { return s.v3; }
+fn tap_10(s: Strip) -> vec4f { return vec4f(s.v3.yzw, s.v4.x); }
 
 fn convolve(s: Strip) -> vec4f {
     var sum = vec4f(0.0);
-    for (var k = 0u; k < 11u; k++) {
-        sum += WINDOW[k] * window_row(s, k);
-    }
+    #repeat k SSIM_WINDOW
+    sum += WINDOW[{k}] * tap_{k}(s);
+    #end
     return sum;
 }
 
@@ -102,40 +100,42 @@ fn ssim_horizontal(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups)
         return;
     }
     var valid: Strip;
-    var raw: array<vec4u, 5>;
-    for (var b = 0u; b < 5u; b++) {
-        let x4 = i32(at.x4 + b) - 2;
-        raw[b] = texels(x4, at.y);
-        valid.v[b] = validity(raw[b], x4);
-    }
+    #repeat b 5
+    let raw_{b} = texels(i32(at.x4) + {b} - 2, at.y);
+    valid.v{b} = validity(raw_{b}, i32(at.x4) + {b} - 2);
+    #end
     if (loss.masked != 0u) {
         moments[plane_index(view, NORM_PLANE, at.x4, at.y)] = convolve(valid);
     }
     for (var channel = 0u; channel < 3u; channel++) {
         var x: Strip;
         var y: Strip;
-        for (var b = 0u; b < 5u; b++) {
-            let x4 = clamp(i32(at.x4 + b) - 2, 0, i32(view.planes.y) - 1);
-            x.v[b] = valid.v[b] * rendered[plane_index(view, channel, u32(x4), at.y)];
-            y.v[b] = valid.v[b] * channel_of(raw[b], channel);
+        #repeat b 5
+        {
+            let x4 = u32(clamp(i32(at.x4) + {b} - 2, 0, i32(view.planes.y) - 1));
+            x.v{b} = valid.v{b} * rendered[plane_index(view, channel, x4, at.y)];
+            y.v{b} = valid.v{b} * channel_of(raw_{b}, channel);
         }
+        #end
         let plane = N_MOMENTS * channel;
         var m_x = vec4f(0.0);
         var m_y = vec4f(0.0);
         var m_xx = vec4f(0.0);
         var m_yy = vec4f(0.0);
         var m_xy = vec4f(0.0);
-        for (var k = 0u; k < 11u; k++) {
-            let v_x = window_row(x, k);
-            let v_y = window_row(y, k);
-            let w_x = WINDOW[k] * v_x;
-            let w_y = WINDOW[k] * v_y;
+        #repeat k SSIM_WINDOW
+        {
+            let v_x = tap_{k}(x);
+            let v_y = tap_{k}(y);
+            let w_x = WINDOW[{k}] * v_x;
+            let w_y = WINDOW[{k}] * v_y;
             m_x += w_x;
             m_y += w_y;
             m_xx += w_x * v_x;
             m_yy += w_y * v_y;
             m_xy += w_x * v_y;
         }
+        #end
         moments[plane_index(view, plane, at.x4, at.y)] = m_x;
         moments[plane_index(view, plane + 1u, at.x4, at.y)] = m_y;
         moments[plane_index(view, plane + 2u, at.x4, at.y)] = m_xx;
@@ -144,19 +144,32 @@ fn ssim_horizontal(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups)
     }
 }
 
-// Vertical window sums of one plane for SSIM_ROWS rows from `y` down.
-fn convolve_columns(plane: u32, x4: u32, y: u32) -> array<vec4f, SSIM_ROWS> {
-    var sums: array<vec4f, SSIM_ROWS>;
-    for (var i = 0u; i < SSIM_ROWS + 10u; i++) {
-        let row = i32(y + i) - 5;
-        if (row >= 0 && row < i32(view.size.y)) {
-            let v = moments[plane_index(view, plane, x4, u32(row))];
-            for (var r = 0u; r < SSIM_ROWS; r++) {
-                // Row i of the strip is tap i - r of output row r.
-                sums[r] += WINDOW_PADDED[i + SSIM_ROWS - 1u - r] * v;
-            }
-        }
+// Four rows of sums, SSIM_ROWS of them.
+struct Rows {
+    #repeat r SSIM_ROWS
+    r{r}: vec4f,
+    #end
+}
+
+fn row_or_zero(plane: u32, x4: u32, row: i32) -> vec4f {
+    if (row < 0 || row >= i32(view.size.y)) {
+        return vec4f(0.0);
     }
+    return moments[plane_index(view, plane, x4, u32(row))];
+}
+
+// Vertical window sums of one plane for SSIM_ROWS rows from `y` down.
+fn convolve_columns(plane: u32, x4: u32, y: u32) -> Rows {
+    var sums: Rows;
+    // Row i of the strip is tap i - r of output row r; WINDOW_PADDED is 0 beyond the window.
+    #repeat i SSIM_STRIP
+    {
+        let v = row_or_zero(plane, x4, i32(y) + {i} - 5);
+        #repeat r SSIM_ROWS
+        sums.r{r} += WINDOW_PADDED[{i} + SSIM_ROWS - 1 - {r}] * v;
+        #end
+    }
+    #end
     return sums;
 }
 
@@ -167,45 +180,45 @@ fn ssim_vertical(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
         return;
     }
     let plane = N_MOMENTS * at.channel;
-    var m_x = convolve_columns(plane, at.x4, at.y);
-    var m_y = convolve_columns(plane + 1u, at.x4, at.y);
-    var m_xx = convolve_columns(plane + 2u, at.x4, at.y);
-    var m_yy = convolve_columns(plane + 3u, at.x4, at.y);
-    var m_xy = convolve_columns(plane + 4u, at.x4, at.y);
-    var norm: array<vec4f, SSIM_ROWS>;
+    let m_x = convolve_columns(plane, at.x4, at.y);
+    let m_y = convolve_columns(plane + 1u, at.x4, at.y);
+    let m_xx = convolve_columns(plane + 2u, at.x4, at.y);
+    let m_yy = convolve_columns(plane + 3u, at.x4, at.y);
+    let m_xy = convolve_columns(plane + 4u, at.x4, at.y);
+    var norm: Rows;
     if (loss.masked != 0u) {
         norm = convolve_columns(NORM_PLANE, at.x4, at.y);
     }
     var sum = vec4f(0.0);
-    for (var r = 0u; r < SSIM_ROWS; r++) {
-        if (at.y + r < view.size.y) {
-            let valid = validity(texels(i32(at.x4), at.y + r), i32(at.x4));
-            var inv_norm = vec4f(1.0);
-            if (loss.masked != 0u) {
-                inv_norm = select(vec4f(0.0), 1.0 / norm[r], valid > vec4f(0.0));
-            }
-            let mu_x = m_x[r] * inv_norm;
-            let mu_y = m_y[r] * inv_norm;
-            let var_x = m_xx[r] * inv_norm - mu_x * mu_x;
-            let var_y = m_yy[r] * inv_norm - mu_y * mu_y;
-            let cov = m_xy[r] * inv_norm - mu_x * mu_y;
-            let n_1 = 2.0 * mu_x * mu_y + SSIM_C1;
-            let n_2 = 2.0 * cov + SSIM_C2;
-            let d_1 = mu_x * mu_x + mu_y * mu_y + SSIM_C1;
-            let d_2 = var_x + var_y + SSIM_C2;
-            let inv = 1.0 / (d_1 * d_2);
-            let s = n_1 * n_2 * inv;
-            sum += valid * s;
-            let scale = -loss.ssim_scale * valid * inv_norm;
-            let d_var = -s / d_2;
-            let d_cov = 2.0 * n_1 * inv;
-            let d_mu = 2.0 * (mu_y * n_2 * inv - mu_x * s / d_1) - 2.0 * mu_x * d_var - mu_y * d_cov;
-            let base = 3u * at.channel;
-            derivatives[plane_index(view, base, at.x4, at.y + r)] = scale * d_mu;
-            derivatives[plane_index(view, base + 1u, at.x4, at.y + r)] = scale * d_var;
-            derivatives[plane_index(view, base + 2u, at.x4, at.y + r)] = scale * d_cov;
+    #repeat r SSIM_ROWS
+    if (at.y + {r}u < view.size.y) {
+        let valid = validity(texels(i32(at.x4), at.y + {r}u), i32(at.x4));
+        var inv_norm = vec4f(1.0);
+        if (loss.masked != 0u) {
+            inv_norm = select(vec4f(0.0), 1.0 / norm.r{r}, valid > vec4f(0.0));
         }
+        let mu_x = m_x.r{r} * inv_norm;
+        let mu_y = m_y.r{r} * inv_norm;
+        let var_x = m_xx.r{r} * inv_norm - mu_x * mu_x;
+        let var_y = m_yy.r{r} * inv_norm - mu_y * mu_y;
+        let cov = m_xy.r{r} * inv_norm - mu_x * mu_y;
+        let n_1 = 2.0 * mu_x * mu_y + SSIM_C1;
+        let n_2 = 2.0 * cov + SSIM_C2;
+        let d_1 = mu_x * mu_x + mu_y * mu_y + SSIM_C1;
+        let d_2 = var_x + var_y + SSIM_C2;
+        let inv = 1.0 / (d_1 * d_2);
+        let s = n_1 * n_2 * inv;
+        sum += valid * s;
+        let scale = -loss.ssim_scale * valid * inv_norm;
+        let d_var = -s / d_2;
+        let d_cov = 2.0 * n_1 * inv;
+        let d_mu = 2.0 * (mu_y * n_2 * inv - mu_x * s / d_1) - 2.0 * mu_x * d_var - mu_y * d_cov;
+        let base = 3u * at.channel;
+        derivatives[plane_index(view, base, at.x4, at.y + {r}u)] = scale * d_mu;
+        derivatives[plane_index(view, base + 1u, at.x4, at.y + {r}u)] = scale * d_var;
+        derivatives[plane_index(view, base + 2u, at.x4, at.y + {r}u)] = scale * d_cov;
     }
+    #end
     let index = (group.y * groups.x + group.x) * WORKGROUP + local;
     partials[index] = vec2f((sum.x + sum.y) + (sum.z + sum.w), 0.0);
 }
@@ -218,12 +231,11 @@ fn ssim_horizontal_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_wo
     }
     for (var plane = 0u; plane < 9u; plane++) {
         var s: Strip;
-        for (var b = 0u; b < 5u; b++) {
-            let x4 = i32(at.x4 + b) - 2;
-            if (x4 >= 0 && x4 < i32(view.planes.y)) {
-                s.v[b] = derivatives[plane_index(view, plane, u32(x4), at.y)];
-            }
+        #repeat b 5
+        if (i32(at.x4) + {b} - 2 >= 0 && at.x4 + {b}u < view.planes.y + 2u) {
+            s.v{b} = derivatives[plane_index(view, plane, at.x4 + {b}u - 2u, at.y)];
         }
+        #end
         moments[plane_index(view, plane, at.x4, at.y)] = convolve(s);
     }
 }
@@ -235,24 +247,24 @@ fn ssim_vertical_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_work
         return;
     }
     let base = 3u * at.channel;
-    var d_mu = convolve_columns(base, at.x4, at.y);
-    var d_xx = convolve_columns(base + 1u, at.x4, at.y);
-    var d_xy = convolve_columns(base + 2u, at.x4, at.y);
+    let d_mu = convolve_columns(base, at.x4, at.y);
+    let d_xx = convolve_columns(base + 1u, at.x4, at.y);
+    let d_xy = convolve_columns(base + 2u, at.x4, at.y);
     var sum = vec4f(0.0);
-    for (var r = 0u; r < SSIM_ROWS; r++) {
-        if (at.y + r >= view.size.y) {
-            d_rendered[plane_index(view, at.channel, at.x4, at.y + r)] = vec4f(0.0);
-        } else {
-            let raw = texels(i32(at.x4), at.y + r);
-            let valid = validity(raw, i32(at.x4));
-            let x = rendered[plane_index(view, at.channel, at.x4, at.y + r)];
-            let y = channel_of(raw, at.channel);
-            let difference = valid * (x - y);
-            sum += abs(difference);
-            let d_ssim = valid * (d_mu[r] + 2.0 * x * d_xx[r] + y * d_xy[r]);
-            d_rendered[plane_index(view, at.channel, at.x4, at.y + r)] = d_ssim + loss.l1_scale * sign(difference);
-        }
+    #repeat r SSIM_ROWS
+    if (at.y + {r}u >= view.size.y) {
+        d_rendered[plane_index(view, at.channel, at.x4, at.y + {r}u)] = vec4f(0.0);
+    } else {
+        let raw = texels(i32(at.x4), at.y + {r}u);
+        let valid = validity(raw, i32(at.x4));
+        let x = rendered[plane_index(view, at.channel, at.x4, at.y + {r}u)];
+        let y = channel_of(raw, at.channel);
+        let difference = valid * (x - y);
+        sum += abs(difference);
+        let d_ssim = valid * (d_mu.r{r} + 2.0 * x * d_xx.r{r} + y * d_xy.r{r});
+        d_rendered[plane_index(view, at.channel, at.x4, at.y + {r}u)] = d_ssim + loss.l1_scale * sign(difference);
     }
+    #end
     let index = (group.y * groups.x + group.x) * WORKGROUP + local;
     partials[index].y = (sum.x + sum.y) + (sum.z + sum.w);
 }

@@ -1,13 +1,6 @@
 // What the forward and backward rasterizer share. One thread owns a tile of 4 x TILE_H pixels and
-// keeps its rows as vec4f: no thread ever needs another's result, so there is no barrier, no
+// keeps its rows as vec4f, each in variables of its own (an array of them would live in memory): no thread ever needs another's result, so there is no barrier, no
 // workgroup memory and no reduction across threads, and the order of every sum is fixed.
-fn tile_range(tile: u32) -> vec2u {
-    var start = 0u;
-    if (tile > 0u) {
-        start = tile_cursor[tile - 1u];
-    }
-    return vec2u(start, tile_cursor[tile]);
-}
 
 // 2^x for x <= 0 to about 1 ulp, on every driver: drivers may return 2^x with an error that
 // a gradient of 1e-5 would see.

@@ -14,7 +14,7 @@ struct View {
     background: vec4f,
     // Image width and height in pixels, tiles across and down.
     size: vec4u,
-    // Number of Gaussians, their stride in planar buffers, active SH degree, pair capacity.
+    // Number of Gaussians, their stride in planar buffers, 0, pair capacity.
     counts: vec4u,
     // x: pixels a plane of the padded image / 4, y: vec4s a row, z: this view's slot in the step,
     // w: the step's number, kept where the pairs do not fit.

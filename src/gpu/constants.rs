@@ -9,14 +9,16 @@ pub const TILE_W: u32 = 4;
 pub const TILE_H: u32 = 4;
 /// Counts a thread sums serially in scans and sums.
 pub const SCAN_CHUNK: u32 = 32;
-/// Length of the runs that the tile sort makes by insertion before it merges.
-pub const SORT_RUN: u32 = 8;
+/// Entries a thread of a radix sort moves; below 256. Bits of a digit, and of a depth key.
+pub const RADIX_CHUNK: u32 = 128;
+pub const RADIX_BITS: u32 = 4;
+pub const DEPTH_BITS: u32 = 30;
 /// Rows a thread of SSIM's vertical passes covers.
 pub const SSIM_ROWS: u32 = 4;
-/// Slots of the `totals` buffer: pairs of the current view, tile slots of the current view,
-/// number of the first step whose pairs did not fit (0: none), largest total seen.
+/// Slots of the `totals` buffer: pairs of the current view, entries of the current radix sort,
+/// number of the first step whose pairs did not fit (0: none), most pairs of any view seen.
 pub const TOTAL_PAIRS: u32 = 0;
-pub const TOTAL_SLOTS: u32 = 1;
+pub const TOTAL_DIGITS: u32 = 1;
 pub const TOTAL_OVERFLOW: u32 = 2;
 pub const TOTAL_MAX: u32 = 3;
 pub const N_TOTALS: u32 = 4;
@@ -53,18 +55,19 @@ pub fn ssim_window() -> [f64; SSIM_WINDOW] {
     window.map(|w| w / sum)
 }
 
-/// The constants as WGSL declarations.
-pub fn prelude() -> String {
+/// The constants as WGSL declarations, with the active SH degree.
+pub fn prelude(sh_degree: u32) -> String {
     let mut out = String::new();
     for (name, value) in [
+        ("SH_DEGREE", sh_degree),
         ("WORKGROUP", WORKGROUP),
         ("TILE_W", TILE_W),
         ("TILE_H", TILE_H),
         ("SCAN_CHUNK", SCAN_CHUNK),
-        ("SORT_RUN", SORT_RUN),
+        ("RADIX_CHUNK", RADIX_CHUNK),
+        ("RADIX_BITS", RADIX_BITS),
         ("SSIM_ROWS", SSIM_ROWS),
         ("TOTAL_PAIRS", TOTAL_PAIRS),
-        ("TOTAL_SLOTS", TOTAL_SLOTS),
         ("TOTAL_OVERFLOW", TOTAL_OVERFLOW),
         ("TOTAL_MAX", TOTAL_MAX),
     ] {
@@ -113,6 +116,22 @@ pub fn prelude() -> String {
         list(&padded)
     );
     out
+}
+
+/// The count of a shader's `#repeat`: a constant's name or a number.
+///
+/// # Panics
+/// On another name: a fault in this program.
+pub fn repeat_count(count: &str) -> u32 {
+    match count {
+        "TILE_H" => TILE_H,
+        "SSIM_ROWS" => SSIM_ROWS,
+        "SSIM_WINDOW" => SSIM_WINDOW as u32,
+        "SSIM_STRIP" => SSIM_WINDOW as u32 - 1 + SSIM_ROWS,
+        number => number
+            .parse()
+            .unwrap_or_else(|_| panic!("#repeat: no count named {number}")),
+    }
 }
 
 fn list(values: &[f64]) -> String {

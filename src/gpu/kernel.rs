@@ -19,7 +19,12 @@ impl Kernel {
     /// # Panics
     /// If the shader does not validate: a fault in this program; the message is naga's.
     pub fn new(gpu: &Gpu, stage: &str, entry: &'static str) -> Kernel {
-        let source = shader::compose(stage);
+        Self::for_degree(gpu, stage, entry, 0)
+    }
+
+    /// [`Kernel::new`] for an active SH degree.
+    pub fn for_degree(gpu: &Gpu, stage: &str, entry: &'static str, sh_degree: u32) -> Kernel {
+        let source = shader::compose(stage, sh_degree);
         let module = naga::front::wgsl::parse_str(&source)
             .unwrap_or_else(|e| panic!("{}", e.emit_to_string_with_path(&source, stage)));
         let flags = naga::valid::ValidationFlags::all();

@@ -1,5 +1,6 @@
 //! Shader composition: a stage's source is its file with `#import shared/NAME` lines replaced by
-//! `shaders/shared/NAME.wgsl`, behind the constants of [`super::constants`].
+//! `shaders/shared/NAME.wgsl` and `#repeat` blocks written out, behind the constants of
+//! [`super::constants`].
 
 use super::constants;
 
@@ -13,17 +14,19 @@ const SHARED: &[(&str, &str)] = sources![
     "shared/view",
     "shared/gaussian",
     "shared/sh",
-    "shared/sh_read",
     "shared/tile",
     "shared/loss",
+    "shared/radix",
 ];
 
 /// Every stage's name and source, as written.
 pub const STAGES: &[(&str, &str)] = sources![
     "project",
+    "depth_keys",
+    "radix",
     "bin",
     "scan",
-    "sort",
+    "tile_ranges",
     "rasterize",
     "ssim",
     "loss_sum",
@@ -34,18 +37,54 @@ pub const STAGES: &[(&str, &str)] = sources![
     "reset_opacity",
 ];
 
-/// The complete WGSL of a stage.
+/// The complete WGSL of a stage, with `SH_DEGREE` for the active degree: a constant, because a
+/// software driver runs both sides of every branch.
 ///
 /// # Panics
-/// On a stage or import that does not exist: a fault in this program.
-pub fn compose(stage: &str) -> String {
-    let mut out = constants::prelude();
+/// On a stage, import or count that does not exist: a fault in this program.
+pub fn compose(stage: &str, sh_degree: u32) -> String {
+    let mut source = String::new();
     for line in lookup(STAGES, stage).lines() {
-        match line.strip_prefix("#import ") {
-            Some(import) => out.push_str(lookup(SHARED, import.trim())),
-            None => out.push_str(line),
+        source.push_str(match line.strip_prefix("#import ") {
+            Some(import) => lookup(SHARED, import.trim()),
+            None => line,
+        });
+        source.push('\n');
+    }
+    let lines: Vec<&str> = source.lines().collect();
+    constants::prelude(sh_degree) + &unroll(&lines)
+}
+
+/// Writes the lines between `#repeat NAME COUNT` and `#end` out COUNT times, `{NAME}` replaced by
+/// 0, 1, ...: drivers do not unroll a loop over an array into registers, names they do.
+fn unroll(lines: &[&str]) -> String {
+    let mut out = String::new();
+    let mut i = 0;
+    while i < lines.len() {
+        let Some(head) = lines[i].trim().strip_prefix("#repeat ") else {
+            out.push_str(lines[i]);
+            out.push('\n');
+            i += 1;
+            continue;
+        };
+        let (name, count) = head
+            .split_once(' ')
+            .unwrap_or_else(|| panic!("#repeat {head}"));
+        let count = constants::repeat_count(count);
+        let mut depth = 1;
+        let length = lines[i + 1..]
+            .iter()
+            .position(|line| {
+                depth += i32::from(line.trim().starts_with("#repeat "));
+                depth -= i32::from(line.trim() == "#end");
+                depth == 0
+            })
+            .unwrap_or_else(|| panic!("#repeat {head} without #end"));
+        let body = unroll(&lines[i + 1..][..length]);
+        for value in 0..count {
+            out.push_str(&body.replace(&format!("{{{name}}}"), &value.to_string()));
         }
-        out.push('\n');
+        i += length + 2;
     }
     out
 }

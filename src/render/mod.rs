@@ -11,5 +11,5 @@ mod workspace;
 
 pub use model::{BLOCK_PLANES, Model, n_blocks};
 pub use renderer::{Rendered, Renderer};
-pub use uniforms::{LossUniform, ScanUniform, ViewUniform};
+pub use uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 pub use workspace::{Bound, Capacity, Kernels, Pass, Workspace, read_totals};

@@ -1,38 +1,47 @@
 //! The buffers of one view in flight and the dispatches over them.
 
 use super::model::Model;
-use super::uniforms::{LossUniform, ScanUniform, ViewUniform};
+use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use crate::error::Result;
 use crate::gpu::constants::{
-    N_TOTALS, SCAN_CHUNK, SSIM_ROWS, TOTAL_MAX, TOTAL_OVERFLOW, TOTAL_PAIRS, TOTAL_SLOTS, WORKGROUP,
+    DEPTH_BITS, N_TOTALS, RADIX_BITS, RADIX_CHUNK, SCAN_CHUNK, SSIM_ROWS, TOTAL_DIGITS, TOTAL_MAX,
+    TOTAL_OVERFLOW, TOTAL_PAIRS, WORKGROUP,
 };
 use crate::gpu::{Buffer, Commands, Gpu, Kernel};
 
 /// Every kernel that renders, compares and differentiates a view.
 pub struct Kernels {
-    project: Kernel,
+    /// By active SH degree.
+    project: [Kernel; 4],
+    depth_keys: Kernel,
+    radix_count: Kernel,
+    radix_move: Kernel,
     bin: Kernel,
     scan_reduce: Kernel,
     scan_blocks: Kernel,
     scan_spread: Kernel,
-    sort: Kernel,
+    find_tile_ranges: Kernel,
     rasterize: Kernel,
     ssim: [Kernel; 4],
     loss_blocks: Kernel,
     loss_total: Kernel,
     rasterize_backward: Kernel,
-    project_backward: Kernel,
+    project_backward: [Kernel; 4],
 }
 
 impl Kernels {
     pub fn new(gpu: &Gpu) -> Kernels {
+        let by_degree = |stage| [0, 1, 2, 3].map(|d| Kernel::for_degree(gpu, stage, stage, d));
         Kernels {
-            project: Kernel::new(gpu, "project", "project"),
+            project: by_degree("project"),
+            depth_keys: Kernel::new(gpu, "depth_keys", "depth_keys"),
+            radix_count: Kernel::new(gpu, "radix", "radix_count"),
+            radix_move: Kernel::new(gpu, "radix", "radix_move"),
             bin: Kernel::new(gpu, "bin", "bin"),
             scan_reduce: Kernel::new(gpu, "scan", "scan_reduce"),
             scan_blocks: Kernel::new(gpu, "scan", "scan_blocks"),
             scan_spread: Kernel::new(gpu, "scan", "scan_spread"),
-            sort: Kernel::new(gpu, "sort", "sort"),
+            find_tile_ranges: Kernel::new(gpu, "tile_ranges", "find_tile_ranges"),
             rasterize: Kernel::new(gpu, "rasterize", "rasterize"),
             ssim: [
                 Kernel::new(gpu, "ssim", "ssim_horizontal"),
@@ -43,7 +52,7 @@ impl Kernels {
             loss_blocks: Kernel::new(gpu, "loss_sum", "loss_blocks"),
             loss_total: Kernel::new(gpu, "loss_sum", "loss_total"),
             rasterize_backward: Kernel::new(gpu, "rasterize_backward", "rasterize_backward"),
-            project_backward: Kernel::new(gpu, "project_backward", "project_backward"),
+            project_backward: by_degree("project_backward"),
         }
     }
 }
@@ -100,11 +109,16 @@ pub struct Workspace {
     pub totals: Buffer,
     pub splats: Buffer,
     pub splat_pairs: Buffer,
-    pub tile_cursor: Buffer,
     block_sums: Buffer,
-    pub pair_keys: Buffer,
-    pair_scratch: Buffer,
-    pair_gaussian: Buffer,
+    /// `Radix` of the depth sort's passes, per slot, and of the pair sort's.
+    pair_passes: Vec<Buffer>,
+    /// (key, Gaussian); the sort ends in the first.
+    pub depth_order: [Buffer; 2],
+    /// (tile, pair); the sort ends in [`Workspace::tile_pairs`].
+    pairs: [Buffer; 2],
+    digit_counts: Buffer,
+    pub tile_ranges: Buffer,
+    pub pair_gaussian: Buffer,
     pub rendered: Buffer,
     last_blended: Buffer,
     pub backward: Option<Backward>,
@@ -115,7 +129,9 @@ struct Slot {
     view: Buffer,
     loss: Buffer,
     scan_pairs: Buffer,
-    scan_tiles: Buffer,
+    scan_splat_digits: Buffer,
+    scan_pair_digits: Buffer,
+    depth_passes: Vec<Buffer>,
 }
 
 /// What only training needs.
@@ -149,14 +165,19 @@ impl Workspace {
             plane,
             ..
         } = capacity;
+        let n_digits = n_chunks(stride.max(pairs)) << RADIX_BITS;
         let n_blocks = stride
-            .max(tiles)
+            .max(n_digits)
             .div_ceil((SCAN_CHUNK * WORKGROUP) as usize);
         let slot = || Slot {
             view: Buffer::uniform::<ViewUniform>(gpu, "view"),
             loss: Buffer::uniform::<LossUniform>(gpu, "loss"),
             scan_pairs: Buffer::uniform::<ScanUniform>(gpu, "scan of pairs"),
-            scan_tiles: Buffer::uniform::<ScanUniform>(gpu, "scan of tiles"),
+            scan_splat_digits: Buffer::uniform::<ScanUniform>(gpu, "scan of splat digits"),
+            scan_pair_digits: Buffer::uniform::<ScanUniform>(gpu, "scan of pair digits"),
+            depth_passes: (0..N_DEPTH_PASSES)
+                .map(|_| Buffer::uniform::<RadixUniform>(gpu, "depth pass"))
+                .collect(),
         };
         let backward = if training {
             Some(Backward::new(gpu, capacity)?)
@@ -171,10 +192,29 @@ impl Workspace {
             totals: Buffer::storage::<u32>(gpu, "totals", N_TOTALS as usize)?,
             splats: Buffer::storage::<[f32; 4]>(gpu, "splats", 3 * stride)?,
             splat_pairs: Buffer::storage::<u32>(gpu, "splat_pairs", stride)?,
-            tile_cursor: Buffer::storage::<u32>(gpu, "tile_cursor", tiles)?,
             block_sums: Buffer::storage::<u32>(gpu, "block_sums", n_blocks)?,
-            pair_keys: Buffer::storage::<[u32; 2]>(gpu, "pair_keys", pairs)?,
-            pair_scratch: Buffer::storage::<[u32; 2]>(gpu, "pair_scratch", pairs)?,
+            pair_passes: (0..n_pair_passes(tiles))
+                .map(|i| {
+                    let shift = i * RADIX_BITS;
+                    let pass = RadixUniform {
+                        n: pairs as u32,
+                        pairs: 1,
+                        shift,
+                        pad: 0,
+                    };
+                    Buffer::uniform_from(gpu, "pair pass", &pass)
+                })
+                .collect(),
+            depth_order: [
+                Buffer::storage::<[u32; 2]>(gpu, "depth_order", stride)?,
+                Buffer::storage::<[u32; 2]>(gpu, "depth_order", stride)?,
+            ],
+            digit_counts: Buffer::storage::<u32>(gpu, "digit_counts", n_digits)?,
+            pairs: [
+                Buffer::storage::<[u32; 2]>(gpu, "pairs", pairs)?,
+                Buffer::storage::<[u32; 2]>(gpu, "pairs", pairs)?,
+            ],
+            tile_ranges: Buffer::storage::<[u32; 2]>(gpu, "tile_ranges", tiles)?,
             pair_gaussian: Buffer::storage::<u32>(gpu, "pair_gaussian", pairs)?,
             rendered: Buffer::storage::<[f32; 4]>(gpu, "rendered", 4 * plane)?,
             last_blended: Buffer::storage::<[u32; 4]>(gpu, "last_blended", plane)?,
@@ -198,6 +238,11 @@ impl Workspace {
         Ok(losses.into_iter().map(|pair| pair.map(f64::from)).collect())
     }
 
+    /// (tile, pair), sorted by tile, front to back within one.
+    pub fn tile_pairs(&self) -> &Buffer {
+        &self.pairs[self.pair_passes.len() % 2]
+    }
+
     /// Every buffer under its name in the shaders, with those of `model`.
     pub fn names<'a>(&'a self, model: &'a Model, slot: usize) -> Vec<(&'static str, &'a Buffer)> {
         let mut names = vec![
@@ -210,10 +255,12 @@ impl Workspace {
             ("totals", &self.totals),
             ("splats", &self.splats),
             ("splat_pairs", &self.splat_pairs),
-            ("tile_cursor", &self.tile_cursor),
+            ("tile_ranges", &self.tile_ranges),
+            ("pairs", &self.pairs[0]),
             ("block_sums", &self.block_sums),
-            ("pair_keys", &self.pair_keys),
-            ("pair_scratch", &self.pair_scratch),
+            ("depth_order", &self.depth_order[0]),
+            ("digit_counts", &self.digit_counts),
+            ("tile_pairs", self.tile_pairs()),
             ("pair_gaussian", &self.pair_gaussian),
             ("rendered", &self.rendered),
             ("last_blended", &self.last_blended),
@@ -270,6 +317,24 @@ impl Backward {
     }
 }
 
+/// Passes of the depth sort.
+const N_DEPTH_PASSES: u32 = DEPTH_BITS.div_ceil(RADIX_BITS);
+const _: () = assert!(
+    N_DEPTH_PASSES.is_multiple_of(2),
+    "the sorted splats end in the first buffer"
+);
+
+/// Passes of the sort by tile.
+fn n_pair_passes(n_tiles: usize) -> u32 {
+    let bits = n_tiles.max(2).next_power_of_two().ilog2();
+    bits.div_ceil(RADIX_BITS)
+}
+
+/// Chunks of a radix sort.
+fn n_chunks(n: usize) -> usize {
+    n.div_ceil(RADIX_CHUNK as usize)
+}
+
 /// Threads of SSIM's vertical passes over a padded image of `plane` vectors.
 fn n_partials(plane: usize) -> usize {
     3 * plane / SSIM_ROWS as usize
@@ -281,21 +346,30 @@ pub struct Bound {
 }
 
 struct Groups {
-    project: wgpu::BindGroup,
+    /// By active SH degree.
+    project: [wgpu::BindGroup; 4],
+    depth_keys: wgpu::BindGroup,
+    depth_passes: Vec<RadixGroups>,
+    pair_passes: Vec<RadixGroups>,
     bin_count: wgpu::BindGroup,
     bin_emit: wgpu::BindGroup,
     scan_pairs: [wgpu::BindGroup; 3],
-    scan_tiles: [wgpu::BindGroup; 3],
-    sort: wgpu::BindGroup,
+    find_tile_ranges: wgpu::BindGroup,
     rasterize: wgpu::BindGroup,
     backward: Option<BackwardGroups>,
+}
+
+struct RadixGroups {
+    count: wgpu::BindGroup,
+    scan: [wgpu::BindGroup; 3],
+    shift: wgpu::BindGroup,
 }
 
 struct BackwardGroups {
     ssim: [wgpu::BindGroup; 4],
     loss_sum: [wgpu::BindGroup; 2],
     rasterize: wgpu::BindGroup,
-    project: wgpu::BindGroup,
+    project: [wgpu::BindGroup; 4],
 }
 
 impl Bound {
@@ -314,7 +388,7 @@ impl Groups {
             all.extend(names.iter().copied());
             kernel.bind(gpu, &all)
         };
-        let scan = |uniform, counts| {
+        let scan = |uniform: &Buffer, counts: &Buffer| {
             [
                 &kernels.scan_reduce,
                 &kernels.scan_blocks,
@@ -322,19 +396,39 @@ impl Groups {
             ]
             .map(|kernel| with(&[("scan", uniform), ("counts", counts)], kernel))
         };
+        let radix = |passes: &[Buffer], entries: &[Buffer; 2], uniform: &Buffer| {
+            let pass = |(i, pass): (usize, &Buffer)| {
+                let from_to = [
+                    ("radix", pass),
+                    ("entries_in", &entries[i % 2]),
+                    ("entries_out", &entries[1 - i % 2]),
+                ];
+                RadixGroups {
+                    count: with(&from_to, &kernels.radix_count),
+                    scan: scan(uniform, &space.digit_counts),
+                    shift: with(&from_to, &kernels.radix_move),
+                }
+            };
+            passes.iter().enumerate().map(pass).collect()
+        };
+        let uniforms = &space.slots[slot];
         Groups {
-            project: with(&[], &kernels.project),
+            project: kernels.project.each_ref().map(|k| with(&[], k)),
+            depth_keys: with(&[], &kernels.depth_keys),
+            depth_passes: radix(&uniforms.depth_passes, &space.depth_order, {
+                &uniforms.scan_splat_digits
+            }),
+            pair_passes: radix(&space.pair_passes, &space.pairs, &uniforms.scan_pair_digits),
             bin_count: with(&[("mode", &space.count)], &kernels.bin),
             bin_emit: with(&[("mode", &space.emit)], &kernels.bin),
             scan_pairs: scan(&space.slots[slot].scan_pairs, &space.splat_pairs),
-            scan_tiles: scan(&space.slots[slot].scan_tiles, &space.tile_cursor),
-            sort: with(&[], &kernels.sort),
+            find_tile_ranges: with(&[], &kernels.find_tile_ranges),
             rasterize: with(&[], &kernels.rasterize),
             backward: space.backward.as_ref().map(|_| BackwardGroups {
                 ssim: [0, 1, 2, 3].map(|i| with(&[], &kernels.ssim[i])),
                 loss_sum: [&kernels.loss_blocks, &kernels.loss_total].map(|k| with(&[], k)),
                 rasterize: with(&[], &kernels.rasterize_backward),
-                project: with(&[], &kernels.project_backward),
+                project: kernels.project_backward.each_ref().map(|k| with(&[], k)),
             }),
         }
     }
@@ -349,6 +443,7 @@ pub struct Pass<'a> {
     pub slot: usize,
     /// With counts and slot set by [`Pass::new`].
     view: ViewUniform,
+    sh_degree: usize,
 }
 
 impl<'a> Pass<'a> {
@@ -364,7 +459,7 @@ impl<'a> Pass<'a> {
     ) -> Pass<'a> {
         let capacity = workspace.capacity;
         let (n, pairs) = (model.n as u32, capacity.pairs as u32);
-        view.counts = [n, model.stride as u32, sh_degree, pairs];
+        view.counts = [n, model.stride as u32, 0, pairs];
         view.planes[2] = slot as u32;
         let uniforms = &workspace.slots[slot];
         uniforms.view.write(gpu, &[view]);
@@ -377,9 +472,22 @@ impl<'a> Pass<'a> {
         uniforms
             .scan_pairs
             .write(gpu, &[scan(n, TOTAL_PAIRS, pairs)]);
-        uniforms
-            .scan_tiles
-            .write(gpu, &[scan(view.n_tiles() as u32, TOTAL_SLOTS, 0)]);
+        let n_digits = (n_chunks(model.n) << RADIX_BITS) as u32;
+        let digits = |n| scan(n, TOTAL_DIGITS, 0);
+        uniforms.scan_splat_digits.write(gpu, &[digits(n_digits)]);
+        uniforms.scan_pair_digits.write(gpu, &[digits(0)]);
+        for (i, pass) in uniforms.depth_passes.iter().enumerate() {
+            let shift = i as u32 * RADIX_BITS;
+            pass.write(
+                gpu,
+                &[RadixUniform {
+                    n,
+                    pairs: 0,
+                    shift,
+                    pad: 0,
+                }],
+            );
+        }
         Pass {
             gpu,
             kernels,
@@ -387,6 +495,7 @@ impl<'a> Pass<'a> {
             bound,
             slot,
             view,
+            sh_degree: sh_degree as usize,
         }
     }
 
@@ -401,18 +510,36 @@ impl<'a> Pass<'a> {
         let groups = &self.bound.slots[self.slot];
         let n = u64::from(view.counts[0]);
         let n_tiles = view.n_tiles() as u64;
-        commands.clear(&workspace.tile_cursor);
-        commands.dispatch(&kernels.project, &groups.project, n);
+        let degree = self.sh_degree;
+        let room = workspace.capacity.pairs as u64;
+        commands.dispatch(&kernels.project[degree], &groups.project[degree], n);
+        commands.dispatch(&kernels.depth_keys, &groups.depth_keys, n);
+        self.sort(commands, &groups.depth_passes, n);
         commands.dispatch(&kernels.bin, &groups.bin_count, n);
-        for (groups, n) in [(&groups.scan_pairs, n), (&groups.scan_tiles, n_tiles)] {
-            let threads = n.div_ceil(u64::from(SCAN_CHUNK));
-            commands.dispatch(&kernels.scan_reduce, &groups[0], threads);
-            commands.dispatch(&kernels.scan_blocks, &groups[1], 1);
-            commands.dispatch(&kernels.scan_spread, &groups[2], threads);
-        }
+        self.scan(commands, &groups.scan_pairs, n);
         commands.dispatch(&kernels.bin, &groups.bin_emit, n);
-        commands.dispatch(&kernels.sort, &groups.sort, n_tiles);
+        self.sort(commands, &groups.pair_passes, room);
+        commands.clear(&workspace.tile_ranges);
+        commands.dispatch(&kernels.find_tile_ranges, &groups.find_tile_ranges, room);
         commands.dispatch(&kernels.rasterize, &groups.rasterize, n_tiles);
+    }
+
+    /// Radix sort of at most `n` entries.
+    fn sort(&self, commands: &mut Commands<'_>, passes: &[RadixGroups], n: u64) {
+        let n_chunks = n_chunks(n as usize) as u64;
+        for groups in passes {
+            commands.dispatch(&self.kernels.radix_count, &groups.count, n_chunks);
+            self.scan(commands, &groups.scan, n_chunks << RADIX_BITS);
+            commands.dispatch(&self.kernels.radix_move, &groups.shift, n_chunks);
+        }
+    }
+
+    /// Exclusive prefix sum of `n` counts.
+    fn scan(&self, commands: &mut Commands<'_>, groups: &[wgpu::BindGroup; 3], n: u64) {
+        let threads = n.div_ceil(u64::from(SCAN_CHUNK));
+        commands.dispatch(&self.kernels.scan_reduce, &groups[0], threads);
+        commands.dispatch(&self.kernels.scan_blocks, &groups[1], 1);
+        commands.dispatch(&self.kernels.scan_spread, &groups[2], threads);
     }
 
     /// The image loss of `workspace.rendered` against `goal`, and its gradient in `d_rendered`.
@@ -448,7 +575,12 @@ impl<'a> Pass<'a> {
         let n_tiles = self.view.n_tiles() as u64;
         let n = u64::from(self.view.counts[0]);
         commands.dispatch(&self.kernels.rasterize_backward, &groups.rasterize, n_tiles);
-        commands.dispatch(&self.kernels.project_backward, &groups.project, n);
+        let degree = self.sh_degree;
+        commands.dispatch(
+            &self.kernels.project_backward[degree],
+            &groups.project[degree],
+            n,
+        );
     }
 }
 

@@ -11,8 +11,8 @@ use crate::render::{BLOCK_PLANES, Model, Workspace, n_blocks};
 
 /// The kernels of this stage.
 pub struct OptimizerKernels {
-    adam_geometry: Kernel,
-    adam_sh: Kernel,
+    /// By active SH degree, one a parameter block.
+    adam: [[Kernel; 4]; 4],
     rearrange: Kernel,
     reset_opacity: Kernel,
 }
@@ -20,8 +20,10 @@ pub struct OptimizerKernels {
 impl OptimizerKernels {
     pub fn new(gpu: &Gpu) -> OptimizerKernels {
         OptimizerKernels {
-            adam_geometry: Kernel::new(gpu, "adam", "adam_geometry"),
-            adam_sh: Kernel::new(gpu, "adam", "adam_sh"),
+            adam: [0, 1, 2, 3].map(|degree| {
+                ["adam_geometry", "adam_sh_0", "adam_sh_2", "adam_sh_3"]
+                    .map(|entry| Kernel::for_degree(gpu, "adam", entry, degree))
+            }),
             rearrange: Kernel::new(gpu, "rearrange", "rearrange_planes"),
             reset_opacity: Kernel::new(gpu, "reset_opacity", "reset_opacity"),
         }
@@ -94,57 +96,56 @@ pub struct Optimizer {
     /// `vec4f` a Gaussian: sum of screen gradients, number of views, largest radius, 0.
     statistics: Buffer,
     step: Buffer,
-    blocks: [Buffer; 4],
 }
 
 impl Optimizer {
     pub fn new(gpu: &Gpu, model: Model) -> Result<Optimizer> {
         let zeros = || Model::zeros(gpu, model.n, model.stride, model.sh_degree);
-        let block =
-            |first: u32, planes: u32| Buffer::uniform_from(gpu, "block", &[first, planes, 0, 0]);
-        // A model of degree 0 has coefficients in the first plane alone.
-        let low = if model.sh_degree == 0 { 1 } else { 3 };
         Ok(Optimizer {
             first_moment: zeros()?,
             second_moment: zeros()?,
             statistics: Buffer::storage::<[f32; 4]>(gpu, "statistics", model.stride)?,
             step: Buffer::uniform::<StepUniform>(gpu, "step"),
-            blocks: [block(0, 0), block(0, low), block(3, 4), block(7, 5)],
             model,
         })
     }
 
-    /// Bind groups of the Adam dispatches for the gradients in `workspace`.
+    /// Bind groups of the Adam dispatches for the gradients in `workspace`, by active SH degree
+    /// and parameter block.
     pub fn bind(
         &self,
         gpu: &Gpu,
         kernels: &OptimizerKernels,
         workspace: &Workspace,
-    ) -> Vec<wgpu::BindGroup> {
+    ) -> Vec<Vec<wgpu::BindGroup>> {
         let Some(backward) = &workspace.backward else {
             return Vec::new();
         };
-        (0..n_blocks(self.model.sh_degree))
-            .map(|i| {
-                let (kernel, source) = match i {
-                    0 => (&kernels.adam_geometry, &backward.d_geometry),
-                    _ => (&kernels.adam_sh, &self.model.blocks[0]),
-                };
-                kernel.bind(
-                    gpu,
-                    &[
-                        ("step", &self.step),
-                        ("parameters", &self.model.blocks[i]),
-                        ("first_moment", &self.first_moment.blocks[i]),
-                        ("second_moment", &self.second_moment.blocks[i]),
-                        ("source", source),
-                        ("d_color", &backward.d_color),
-                        ("block", &self.blocks[i]),
-                        ("totals", &workspace.totals),
-                        ("screen", &backward.screen),
-                        ("statistics", &self.statistics),
-                    ],
-                )
+        let group = |degree: u32, block: usize| {
+            let source = match block {
+                0 => &backward.d_geometry,
+                _ => &self.model.blocks[0],
+            };
+            kernels.adam[degree as usize][block].bind(
+                gpu,
+                &[
+                    ("step", &self.step),
+                    ("parameters", &self.model.blocks[block]),
+                    ("first_moment", &self.first_moment.blocks[block]),
+                    ("second_moment", &self.second_moment.blocks[block]),
+                    ("source", source),
+                    ("d_color", &backward.d_color),
+                    ("totals", &workspace.totals),
+                    ("screen", &backward.screen),
+                    ("statistics", &self.statistics),
+                ],
+            )
+        };
+        (0..=self.model.sh_degree)
+            .map(|degree| {
+                (0..n_blocks(degree))
+                    .map(|block| group(degree, block))
+                    .collect()
             })
             .collect()
     }
@@ -156,17 +157,17 @@ impl Optimizer {
         &self,
         gpu: &Gpu,
         kernels: &OptimizerKernels,
-        groups: &[wgpu::BindGroup],
+        groups: &[Vec<wgpu::BindGroup>],
         commands: &mut Commands<'_>,
         (mut step, sh_degree): (StepUniform, u32),
     ) {
-        step.counts = [self.model.n as u32, self.model.stride as u32, sh_degree, 0];
+        step.counts = [self.model.n as u32, self.model.stride as u32, 0, 0];
         self.step.write(gpu, &[step]);
         let n = self.model.n as u64;
-        for group in &groups[1..n_blocks(sh_degree)] {
-            commands.dispatch(&kernels.adam_sh, group, n);
+        let degree = sh_degree as usize;
+        for (kernel, group) in kernels.adam[degree].iter().zip(&groups[degree]).rev() {
+            commands.dispatch(kernel, group, n);
         }
-        commands.dispatch(&kernels.adam_geometry, &groups[0], n);
     }
 
     /// Caps every opacity at `opacity` (3DGS's reset).

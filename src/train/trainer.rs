@@ -100,7 +100,7 @@ pub struct Trainer<'a> {
     optimizer: Optimizer,
     workspace: Workspace,
     bound: Bound,
-    adam: Vec<wgpu::BindGroup>,
+    adam: Vec<Vec<wgpu::BindGroup>>,
     samples: Vec<LossSample>,
     plans: Vec<PlanRecord>,
 }
@@ -252,6 +252,14 @@ impl<'a> Trainer<'a> {
             .step(self.gpu, kernels, &self.adam, &mut commands, (step, degree));
         commands.submit();
         (real, virtual_view)
+    }
+
+    /// (tile, Gaussian) pairs of the last view, for benches.
+    ///
+    /// # Errors
+    /// A GPU fault.
+    pub fn n_pairs(&self) -> Result<usize> {
+        Ok(read_totals(self.gpu, &self.workspace)?.pairs)
     }
 
     /// Reads the losses of the iteration just done.

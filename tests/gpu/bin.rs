@@ -51,51 +51,69 @@ fn hold(name: &str, gaussians: &TwinGaussians, camera: &TwinCamera) {
     let n = gaussians.len();
     let totals: Vec<u32> = rig.read(&ctx, "totals", 4);
     let n_pairs = totals[TOTAL_PAIRS as usize] as usize;
-    let ends: Vec<u32> = rig.read(&ctx, "tile_cursor", grid.n_tiles());
+    let ranges: Vec<[u32; 2]> = rig.read(&ctx, "tile_ranges", grid.n_tiles());
+    let order: Vec<[u32; 2]> = rig.read(&ctx, "depth_order", n);
     let firsts: Vec<u32> = rig.read(&ctx, "splat_pairs", n);
-    let pairs: Vec<[u32; 2]> = rig.read(&ctx, "pair_keys", n_pairs);
+    let pairs: Vec<[u32; 2]> = rig.read(&ctx, "tile_pairs", n_pairs);
+    let pair_gaussian: Vec<u32> = rig.read(&ctx, "pair_gaussian", n_pairs);
     drop(ctx);
 
-    assert_eq!(ends.last().copied(), Some(n_pairs as u32), "{name}");
-    assert!(ends.is_sorted(), "{name}: tile ends");
+    // Drawn splats by (depth, Gaussian), then the others.
+    let mut expected: Vec<usize> = (0..n).collect();
+    let depth = |i: usize| splats[i].map_or(f64::INFINITY, |s| s[2]);
+    expected.sort_by(|&a, &b| depth(a).total_cmp(&depth(b)).then(a.cmp(&b)));
+    let order: Vec<usize> = order.iter().map(|o| o[1] as usize).collect();
+    assert_eq!(order, expected, "{name}: depth order");
+    let mut rank = vec![0; n];
+    for (r, &id) in order.iter().enumerate() {
+        rank[id] = r;
+    }
+
     let mut counts = vec![0_u32; n];
     let mut seen = vec![false; n_pairs];
     let mut n_boxes = 0;
     let mut start = 0;
-    for (tile, &end) in ends.iter().enumerate() {
-        let list = &pairs[start..end as usize];
-        start = end as usize;
+    for (tile, &[from, to]) in ranges.iter().enumerate() {
+        if from < to {
+            assert_eq!(
+                from, start,
+                "{name}: tile {tile} begins where the last one ends"
+            );
+            start = to;
+        }
+        let list = &pairs[from as usize..to as usize];
+        let mut listed = Vec::new();
         let mut previous = None;
-        for &[id, pair] in list {
-            let id = id as usize;
-            let depth = splats[id].expect("listed splats are drawn")[2];
-            if let Some((other_depth, other)) = previous {
-                let ordered = (other_depth, other) < (depth, id);
-                assert!(ordered, "{name}: tile {tile}: {other} before {id}");
-            }
-            previous = Some((depth, id));
+        for &[own_tile, pair] in list {
+            assert_eq!(own_tile as usize, tile, "{name}");
+            let id = pair_gaussian[pair as usize] as usize;
+            assert!(
+                previous < Some(rank[id]),
+                "{name}: tile {tile}: {id} out of order"
+            );
+            previous = Some(rank[id]);
             let fits = box_meets(&twin[id], &grid, tile);
             assert!(fits, "{name}: tile {tile} is far from splat {id}");
             assert!(!seen[pair as usize], "{name}: pair {pair} twice");
             seen[pair as usize] = true;
-            counts[id] += 1;
-            let own =
-                firsts[id] <= pair && pair < firsts.get(id + 1).copied().unwrap_or(n_pairs as u32);
+            counts[rank[id]] += 1;
+            let end = firsts.get(rank[id] + 1).copied();
+            let own = firsts[rank[id]] <= pair && pair < end.unwrap_or(n_pairs as u32);
             assert!(own, "{name}: pair {pair} is not one of splat {id}");
+            listed.push(id);
         }
-        let listed: Vec<usize> = list.iter().map(|p| p[0] as usize).collect();
         // Both are by depth, but single precision may tell close depths apart otherwise.
         for id in &needed[tile] {
-            let found = listed.contains(id);
-            assert!(found, "{name}: tile {tile} lacks splat {id}");
+            assert!(listed.contains(id), "{name}: tile {tile} lacks splat {id}");
         }
         n_boxes += (0..n)
             .filter(|&i| splats[i].is_some() && box_meets(&twin[i], &grid, tile))
             .count();
     }
+    assert_eq!(start as usize, n_pairs, "{name}: pairs in tiles");
     let mut sum = 0;
-    for (i, &count) in counts.iter().enumerate() {
-        assert_eq!(firsts[i], sum, "{name}: first pair of splat {i}");
+    for (r, &count) in counts.iter().enumerate() {
+        assert_eq!(firsts[r], sum, "{name}: first pair of rank {r}");
         sum += count;
     }
     assert_eq!(sum as usize, n_pairs, "{name}: pairs");

@@ -67,6 +67,9 @@ fn run(name: &str, scene: &Scene, config: &Config) -> (Prepared, Trained) {
     (prepared, trained)
 }
 
+/// Name, (eye, target) of each camera, and part of the warning where there is one.
+type Layout = (&'static str, Vec<(DVec3, DVec3)>, Option<&'static str>);
+
 /// Where the built-in cameras stand and look.
 fn ring() -> (Vec<DVec3>, DVec3) {
     let scene = small_scene();
@@ -83,7 +86,7 @@ fn any_layout_of_cameras_trains_or_says_why_not() {
     let above = small_scene().train[0].camera.up();
     let r = (eyes[0] - c).length();
     let away = (eyes[0] - c).cross(above).normalize();
-    let layouts: Vec<(&str, Vec<(DVec3, DVec3)>, Option<&str>)> = vec![
+    let layouts: Vec<Layout> = vec![
         ("one camera", vec![(eyes[0], c)], Some("one camera")),
         ("coincident", vec![(eyes[0], c); 4], Some("parallel")),
         (

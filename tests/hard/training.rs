@@ -222,7 +222,7 @@ fn more_pairs_than_the_adapter_binds_are_refused_and_the_next_view_renders() {
     let side = 4 * ((ctx.gpu.max_binding() / 8 / n as u64) as f64).sqrt() as usize + 64;
     let large = camera().resized(side.min(4096), side.min(4096));
     let refused = renderer.render(&model, &view_of(&large));
-    let text = refused.err().expect("too many pairs").to_string();
+    let text = refused.expect_err("too many pairs").to_string();
     assert!(text.contains("pair"), "{text}");
     let small = renderer.render(&model, &view_of(&camera()));
     let small = small.expect("renders");

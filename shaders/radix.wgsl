@@ -1,0 +1,62 @@
+// One pass of a stable radix sort by RADIX_BITS = 4 bits: count digits by chunk, scan the counts
+// (digit-major), move. One thread a chunk of RADIX_CHUNK entries, which it takes in order: equal
+// keys keep theirs, so the result is the same on every adapter.
+#import shared/radix
+
+@group(0) @binding(0) var<uniform> radix: Radix;
+// (key, value).
+@group(0) @binding(1) var<storage, read> entries_in: array<vec2u>;
+@group(0) @binding(2) var<storage, read_write> entries_out: array<vec2u>;
+// Entry digit * n_chunks + chunk.
+@group(0) @binding(3) var<storage, read_write> digit_counts: array<u32>;
+@group(0) @binding(4) var<storage, read> totals: array<u32>;
+
+// 16 counters of 8 bits; a chunk has fewer than 256 entries.
+fn one(digit: u32) -> vec4u {
+    return select(vec4u(0u), vec4u(1u << (8u * (digit & 3u))), vec4u(digit >> 2u) == vec4u(0u, 1u, 2u, 3u));
+}
+
+fn counter(counters: vec4u, digit: u32) -> u32 {
+    let word = select(
+        select(counters.x, counters.y, (digit >> 2u) == 1u),
+        select(counters.z, counters.w, (digit >> 2u) == 3u),
+        digit >= 8u,
+    );
+    return (word >> (8u * (digit & 3u))) & 255u;
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn radix_count(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let chunk = (group.y * groups.x + group.x) * WORKGROUP + local;
+    let n = n_entries(radix, totals[TOTAL_PAIRS], totals[TOTAL_OVERFLOW]);
+    let n_chunks = n_chunks(n);
+    if (chunk >= n_chunks) {
+        return;
+    }
+    let first = chunk * RADIX_CHUNK;
+    var counters = vec4u(0u);
+    for (var i = first; i < min(first + RADIX_CHUNK, n); i++) {
+        counters += one((entries_in[i].x >> radix.shift) & 15u);
+    }
+    for (var digit = 0u; digit < 16u; digit++) {
+        digit_counts[digit * n_chunks + chunk] = counter(counters, digit);
+    }
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn radix_move(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let chunk = (group.y * groups.x + group.x) * WORKGROUP + local;
+    let n = n_entries(radix, totals[TOTAL_PAIRS], totals[TOTAL_OVERFLOW]);
+    let n_chunks = n_chunks(n);
+    if (chunk >= n_chunks) {
+        return;
+    }
+    let first = chunk * RADIX_CHUNK;
+    var counters = vec4u(0u);
+    for (var i = first; i < min(first + RADIX_CHUNK, n); i++) {
+        let entry = entries_in[i];
+        let digit = (entry.x >> radix.shift) & 15u;
+        entries_out[digit_counts[digit * n_chunks + chunk] + counter(counters, digit)] = entry;
+        counters += one(digit);
+    }
+}

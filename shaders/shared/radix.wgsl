@@ -1,0 +1,20 @@
+// One pass of a radix sort. 16 bytes.
+struct Radix {
+    // Entries, or room for them where `pairs` is 1: then there are as many as the view has pairs.
+    n: u32,
+    pairs: u32,
+    // Bits below the pass's digit.
+    shift: u32,
+    pad: u32,
+}
+
+fn n_entries(radix: Radix, n_pairs: u32, overflow: u32) -> u32 {
+    if (radix.pairs == 0u) {
+        return radix.n;
+    }
+    return select(n_pairs, 0u, overflow != 0u);
+}
+
+fn n_chunks(n: u32) -> u32 {
+    return (n + RADIX_CHUNK - 1u) / RADIX_CHUNK;
+}
