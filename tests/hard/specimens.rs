@@ -314,3 +314,23 @@ fn unreasonable_gaussians_are_drawn_as_in_the_reference_or_not_at_all() {
     print(&table);
     assert!(failures.is_empty(), "{failures:?}");
 }
+
+#[test]
+fn any_near_plane_that_is_not_negative_gives_the_reference_image() {
+    let gaussians = random_scene(150, 1, 34).gaussians;
+    let mut images = Vec::new();
+    for near in [0.0, 1e-30, 1e-6, 0.1] {
+        let camera = TwinCamera {
+            near: f64::from(near as f32),
+            ..camera()
+        };
+        let truth = render(&gaussians, &camera);
+        let ctx = context();
+        let mut rig = Rig::new(&ctx, &gaussians_of(&gaussians, 1), view_of(&camera), 1);
+        let image = rig.forward(&ctx);
+        let error = max_abs_off_mask(&wide(&image.rgb), &truth.rgb, &truth.fragile);
+        assert!(error < 1e-5, "near {near}: {error:e}");
+        images.push(image);
+    }
+    assert!(images.iter().all(|image| *image == images[0]));
+}
