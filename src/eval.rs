@@ -3,14 +3,15 @@
 use rayon::prelude::*;
 
 use crate::camera::Frame;
-use crate::config::ModelConfig;
+use crate::config::{Config, ModelConfig};
 use crate::error::Result;
 use crate::gaussians::Gaussians;
 use crate::gpu::Gpu;
 use crate::metrics;
 use crate::render::{Kernels, Model, Renderer, ViewUniform};
-use crate::run::{Evaluation, ViewScore};
-use crate::scene::{Image, View};
+use crate::run::{Evaluation, PointSplatScore, ViewScore, mean};
+use crate::scene::{Image, PointCloud, View};
+use crate::splat::splat_views;
 
 /// Renders Gaussians of the canonical `frame` at `views`, each rounded to 8 bit.
 ///
@@ -59,4 +60,44 @@ pub fn score(
         })
         .collect();
     Ok(Evaluation::new(scores?, n_gaussians, train_s))
+}
+
+/// Errors of the bare point splat of a cloud at `views`, splatted as the virtual views are.
+///
+/// # Errors
+/// What [`splat_views`] refuses.
+pub fn score_point_splat(
+    cloud: &PointCloud,
+    frame: &Frame,
+    views: &[View],
+    config: &Config,
+) -> Result<PointSplatScore> {
+    let cameras: Vec<_> = views.iter().map(|view| view.camera.clone()).collect();
+    let splats = splat_views(cloud, frame, &cameras, &config.splat, config.model.near)?;
+    let scores = splats.par_iter().zip(views).map(|(splat, view)| {
+        let rgb = splat
+            .rgba
+            .chunks_exact(4)
+            .flat_map(|p| [p[0], p[1], p[2]])
+            .collect();
+        let image = Image {
+            width: splat.width,
+            height: splat.height,
+            rgb,
+        };
+        let mask: Vec<bool> = splat.mask().collect();
+        Ok((
+            metrics::psnr(&image, &view.image)?,
+            metrics::ssim(&image, &view.image)?,
+            metrics::masked_psnr(&image, &view.image, &mask)?,
+            splat.coverage(),
+        ))
+    });
+    let scores = scores.collect::<Result<Vec<_>>>()?;
+    Ok(PointSplatScore {
+        psnr: mean(scores.iter().map(|s| Some(s.0))),
+        ssim: mean(scores.iter().map(|s| Some(s.1))),
+        psnr_covered: mean(scores.iter().map(|s| s.2)),
+        coverage: mean(scores.iter().map(|s| Some(s.3))).unwrap_or(0.0),
+    })
 }

@@ -15,8 +15,8 @@ mod record;
 
 pub use names::file_names;
 pub use record::{
-    Evaluation, ImageLoss, LossSample, Mean, Memory, Metrics, ModelSize, PlanCounts, PoseProtocol,
-    SceneRecord, Seconds, ViewScore, peak_host_bytes,
+    Evaluation, ImageLoss, LossSample, Mean, Memory, Metrics, ModelSize, PlanCounts,
+    PointSplatScore, PoseProtocol, SceneRecord, Seconds, ViewScore, mean, peak_host_bytes,
 };
 
 use std::path::{Path, PathBuf};

@@ -84,7 +84,11 @@ pub(super) fn measure(
         }
         write_png(&run.test_sheet(), &sheet.finish())?;
     }
-    let evaluation = eval::score(&renders, views, gaussians.len(), train_s)?;
+    let mut evaluation = eval::score(&renders, views, gaussians.len(), train_s)?;
+    if !views.is_empty() {
+        let splat = eval::score_point_splat(&scene.cloud, frame, views, config)?;
+        evaluation.point_splat = Some(splat);
+    }
     run.write_evaluation(&evaluation)?;
     Ok(evaluation)
 }

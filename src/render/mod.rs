@@ -1,15 +1,20 @@
 //! Gaussians on the GPU and their differentiable rasterization.
 //!
-//! One view forward: project, bin (count), two prefix sums, bin (emit), sort, rasterize; backward:
+//! One view forward: project, sort by depth, bin (count), prefix sum, bin
+//! (emit), sort by tile, rasterize; backward:
 //! rasterize_backward, project_backward. Each is the WGSL stage of that name; the gradient path
 //! holds no atomic float and every sum has a fixed order, so equal inputs give equal bits.
 
+mod kernels;
 mod model;
+mod pass;
 mod renderer;
 mod uniforms;
 mod workspace;
 
+pub use kernels::{Bound, Kernels};
 pub use model::{BLOCK_PLANES, Model, n_blocks};
+pub use pass::Pass;
 pub use renderer::{Rendered, Renderer};
 pub use uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
-pub use workspace::{Bound, Capacity, Kernels, Pass, Workspace, read_totals};
+pub use workspace::{Capacity, Workspace, read_totals};

@@ -1,8 +1,10 @@
 //! Renders single views and reads them back: evaluation, `render`, tests.
 
+use super::kernels::{Bound, Kernels};
 use super::model::Model;
+use super::pass::Pass;
 use super::uniforms::ViewUniform;
-use super::workspace::{Bound, Capacity, Kernels, Pass, Workspace, read_totals};
+use super::workspace::{Capacity, Workspace, read_totals};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Commands, Gpu};
 

@@ -1,61 +1,13 @@
-//! The buffers of one view in flight and the dispatches over them.
+//! The buffers of one view in flight.
 
 use super::model::Model;
 use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use crate::error::Result;
 use crate::gpu::constants::{
-    DEPTH_BITS, N_TOTALS, RADIX_BITS, RADIX_CHUNK, SCAN_CHUNK, SSIM_ROWS, TOTAL_DIGITS, TOTAL_MAX,
+    DEPTH_BITS, N_TOTALS, RADIX_BITS, RADIX_CHUNK, SCAN_CHUNK, SSIM_ROWS, TOTAL_MAX,
     TOTAL_OVERFLOW, TOTAL_PAIRS, WORKGROUP,
 };
-use crate::gpu::{Buffer, Commands, Gpu, Kernel};
-
-/// Every kernel that renders, compares and differentiates a view.
-pub struct Kernels {
-    /// By active SH degree.
-    project: [Kernel; 4],
-    depth_keys: Kernel,
-    radix_count: Kernel,
-    radix_move: Kernel,
-    bin: Kernel,
-    scan_reduce: Kernel,
-    scan_blocks: Kernel,
-    scan_spread: Kernel,
-    find_tile_ranges: Kernel,
-    rasterize: Kernel,
-    ssim: [Kernel; 4],
-    loss_blocks: Kernel,
-    loss_total: Kernel,
-    rasterize_backward: Kernel,
-    project_backward: [Kernel; 4],
-}
-
-impl Kernels {
-    pub fn new(gpu: &Gpu) -> Kernels {
-        let by_degree = |stage| [0, 1, 2, 3].map(|d| Kernel::for_degree(gpu, stage, stage, d));
-        Kernels {
-            project: by_degree("project"),
-            depth_keys: Kernel::new(gpu, "depth_keys", "depth_keys"),
-            radix_count: Kernel::new(gpu, "radix", "radix_count"),
-            radix_move: Kernel::new(gpu, "radix", "radix_move"),
-            bin: Kernel::new(gpu, "bin", "bin"),
-            scan_reduce: Kernel::new(gpu, "scan", "scan_reduce"),
-            scan_blocks: Kernel::new(gpu, "scan", "scan_blocks"),
-            scan_spread: Kernel::new(gpu, "scan", "scan_spread"),
-            find_tile_ranges: Kernel::new(gpu, "tile_ranges", "find_tile_ranges"),
-            rasterize: Kernel::new(gpu, "rasterize", "rasterize"),
-            ssim: [
-                Kernel::new(gpu, "ssim", "ssim_horizontal"),
-                Kernel::new(gpu, "ssim", "ssim_vertical"),
-                Kernel::new(gpu, "ssim", "ssim_horizontal_backward"),
-                Kernel::new(gpu, "ssim", "ssim_vertical_backward"),
-            ],
-            loss_blocks: Kernel::new(gpu, "loss_sum", "loss_blocks"),
-            loss_total: Kernel::new(gpu, "loss_sum", "loss_total"),
-            rasterize_backward: Kernel::new(gpu, "rasterize_backward", "rasterize_backward"),
-            project_backward: by_degree("project_backward"),
-        }
-    }
-}
+use crate::gpu::{Buffer, Gpu};
 
 /// What a workspace has room for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,50 +55,50 @@ impl Capacity {
 /// The buffers of one view in flight, shared by a step's views, one after the other.
 pub struct Workspace {
     pub capacity: Capacity,
-    slots: [Slot; 2],
-    count: Buffer,
-    emit: Buffer,
+    pub(super) slots: [Slot; 2],
+    pub(super) count: Buffer,
+    pub(super) emit: Buffer,
     pub totals: Buffer,
     pub splats: Buffer,
     pub splat_pairs: Buffer,
-    block_sums: Buffer,
+    pub(super) block_sums: Buffer,
     /// `Radix` of the depth sort's passes, per slot, and of the pair sort's.
-    pair_passes: Vec<Buffer>,
+    pub(super) pair_passes: Vec<Buffer>,
     /// (key, Gaussian); the sort ends in the first.
     pub depth_order: [Buffer; 2],
     /// (tile, pair); the sort ends in [`Workspace::tile_pairs`].
-    pairs: [Buffer; 2],
-    digit_counts: Buffer,
+    pub(super) pairs: [Buffer; 2],
+    pub(super) digit_counts: Buffer,
     pub tile_ranges: Buffer,
     pub pair_gaussian: Buffer,
     pub rendered: Buffer,
-    last_blended: Buffer,
+    pub(super) last_blended: Buffer,
     pub backward: Option<Backward>,
 }
 
 /// Uniforms of one of the step's views.
-struct Slot {
-    view: Buffer,
-    loss: Buffer,
-    scan_pairs: Buffer,
-    scan_splat_digits: Buffer,
-    scan_pair_digits: Buffer,
-    depth_passes: Vec<Buffer>,
+pub(super) struct Slot {
+    pub(super) view: Buffer,
+    pub(super) loss: Buffer,
+    pub(super) scan_pairs: Buffer,
+    pub(super) scan_splat_digits: Buffer,
+    pub(super) scan_pair_digits: Buffer,
+    pub(super) depth_passes: Vec<Buffer>,
 }
 
 /// What only training needs.
 pub struct Backward {
-    goal: [Buffer; 2],
-    moments: Buffer,
-    derivatives: Buffer,
+    pub(super) goal: [Buffer; 2],
+    pub(super) moments: Buffer,
+    pub(super) derivatives: Buffer,
     pub d_rendered: Buffer,
-    partials: Buffer,
-    block_partials: Buffer,
+    pub(super) partials: Buffer,
+    pub(super) block_partials: Buffer,
     /// Per view of the step: mean L1, mean SSIM.
     pub losses: Buffer,
-    d_pair_a: Buffer,
-    d_pair_b: Buffer,
-    d_pair_c: Buffer,
+    pub(super) d_pair_a: Buffer,
+    pub(super) d_pair_b: Buffer,
+    pub(super) d_pair_c: Buffer,
     pub d_geometry: Buffer,
     pub d_color: Buffer,
     pub screen: Buffer,
@@ -331,257 +283,13 @@ fn n_pair_passes(n_tiles: usize) -> u32 {
 }
 
 /// Chunks of a radix sort.
-fn n_chunks(n: usize) -> usize {
+pub(super) fn n_chunks(n: usize) -> usize {
     n.div_ceil(RADIX_CHUNK as usize)
 }
 
 /// Threads of SSIM's vertical passes over a padded image of `plane` vectors.
-fn n_partials(plane: usize) -> usize {
+pub(super) fn n_partials(plane: usize) -> usize {
     3 * plane / SSIM_ROWS as usize
-}
-
-/// Bind groups of a workspace and a model, for both slots.
-pub struct Bound {
-    slots: [Groups; 2],
-}
-
-struct Groups {
-    /// By active SH degree.
-    project: [wgpu::BindGroup; 4],
-    depth_keys: wgpu::BindGroup,
-    depth_passes: Vec<RadixGroups>,
-    pair_passes: Vec<RadixGroups>,
-    bin_count: wgpu::BindGroup,
-    bin_emit: wgpu::BindGroup,
-    scan_pairs: [wgpu::BindGroup; 3],
-    find_tile_ranges: wgpu::BindGroup,
-    rasterize: wgpu::BindGroup,
-    backward: Option<BackwardGroups>,
-}
-
-struct RadixGroups {
-    count: wgpu::BindGroup,
-    scan: [wgpu::BindGroup; 3],
-    shift: wgpu::BindGroup,
-}
-
-struct BackwardGroups {
-    ssim: [wgpu::BindGroup; 4],
-    loss_sum: [wgpu::BindGroup; 2],
-    rasterize: wgpu::BindGroup,
-    project: [wgpu::BindGroup; 4],
-}
-
-impl Bound {
-    pub fn new(gpu: &Gpu, kernels: &Kernels, workspace: &Workspace, model: &Model) -> Bound {
-        Bound {
-            slots: [0, 1].map(|slot| Groups::new(gpu, kernels, workspace, model, slot)),
-        }
-    }
-}
-
-impl Groups {
-    fn new(gpu: &Gpu, kernels: &Kernels, space: &Workspace, model: &Model, slot: usize) -> Groups {
-        let names = space.names(model, slot);
-        let with = |extra: &[(&'static str, &'_ Buffer)], kernel: &Kernel| {
-            let mut all: Vec<(&str, &Buffer)> = extra.to_vec();
-            all.extend(names.iter().copied());
-            kernel.bind(gpu, &all)
-        };
-        let scan = |uniform: &Buffer, counts: &Buffer| {
-            [
-                &kernels.scan_reduce,
-                &kernels.scan_blocks,
-                &kernels.scan_spread,
-            ]
-            .map(|kernel| with(&[("scan", uniform), ("counts", counts)], kernel))
-        };
-        let radix = |passes: &[Buffer], entries: &[Buffer; 2], uniform: &Buffer| {
-            let pass = |(i, pass): (usize, &Buffer)| {
-                let from_to = [
-                    ("radix", pass),
-                    ("entries_in", &entries[i % 2]),
-                    ("entries_out", &entries[1 - i % 2]),
-                ];
-                RadixGroups {
-                    count: with(&from_to, &kernels.radix_count),
-                    scan: scan(uniform, &space.digit_counts),
-                    shift: with(&from_to, &kernels.radix_move),
-                }
-            };
-            passes.iter().enumerate().map(pass).collect()
-        };
-        let uniforms = &space.slots[slot];
-        Groups {
-            project: kernels.project.each_ref().map(|k| with(&[], k)),
-            depth_keys: with(&[], &kernels.depth_keys),
-            depth_passes: radix(&uniforms.depth_passes, &space.depth_order, {
-                &uniforms.scan_splat_digits
-            }),
-            pair_passes: radix(&space.pair_passes, &space.pairs, &uniforms.scan_pair_digits),
-            bin_count: with(&[("mode", &space.count)], &kernels.bin),
-            bin_emit: with(&[("mode", &space.emit)], &kernels.bin),
-            scan_pairs: scan(&space.slots[slot].scan_pairs, &space.splat_pairs),
-            find_tile_ranges: with(&[], &kernels.find_tile_ranges),
-            rasterize: with(&[], &kernels.rasterize),
-            backward: space.backward.as_ref().map(|_| BackwardGroups {
-                ssim: [0, 1, 2, 3].map(|i| with(&[], &kernels.ssim[i])),
-                loss_sum: [&kernels.loss_blocks, &kernels.loss_total].map(|k| with(&[], k)),
-                rasterize: with(&[], &kernels.rasterize_backward),
-                project: kernels.project_backward.each_ref().map(|k| with(&[], k)),
-            }),
-        }
-    }
-}
-
-/// One view being recorded: the kernels, buffers and bind groups that its stages need.
-pub struct Pass<'a> {
-    pub gpu: &'a Gpu,
-    pub kernels: &'a Kernels,
-    pub workspace: &'a Workspace,
-    pub bound: &'a Bound,
-    pub slot: usize,
-    /// With counts and slot set by [`Pass::new`].
-    view: ViewUniform,
-    sh_degree: usize,
-}
-
-impl<'a> Pass<'a> {
-    /// Writes the view's uniforms. `step` numbers the step for overflow reports, from 1.
-    pub fn new(
-        gpu: &'a Gpu,
-        kernels: &'a Kernels,
-        workspace: &'a Workspace,
-        bound: &'a Bound,
-        model: &Model,
-        (slot, mut view): (usize, ViewUniform),
-        (sh_degree, step): (u32, u32),
-    ) -> Pass<'a> {
-        let capacity = workspace.capacity;
-        let (n, pairs) = (model.n as u32, capacity.pairs as u32);
-        view.counts = [n, model.stride as u32, 0, pairs];
-        view.planes[2] = slot as u32;
-        let uniforms = &workspace.slots[slot];
-        uniforms.view.write(gpu, &[view]);
-        let scan = |n, total, capacity| ScanUniform {
-            n,
-            total,
-            capacity,
-            step,
-        };
-        uniforms
-            .scan_pairs
-            .write(gpu, &[scan(n, TOTAL_PAIRS, pairs)]);
-        let n_digits = (n_chunks(model.n) << RADIX_BITS) as u32;
-        let digits = |n| scan(n, TOTAL_DIGITS, 0);
-        uniforms.scan_splat_digits.write(gpu, &[digits(n_digits)]);
-        uniforms.scan_pair_digits.write(gpu, &[digits(0)]);
-        for (i, pass) in uniforms.depth_passes.iter().enumerate() {
-            let shift = i as u32 * RADIX_BITS;
-            pass.write(
-                gpu,
-                &[RadixUniform {
-                    n,
-                    pairs: 0,
-                    shift,
-                    pad: 0,
-                }],
-            );
-        }
-        Pass {
-            gpu,
-            kernels,
-            workspace,
-            bound,
-            slot,
-            view,
-            sh_degree: sh_degree as usize,
-        }
-    }
-
-    /// Renders into `workspace.rendered`.
-    pub fn forward(&self, commands: &mut Commands<'_>) {
-        let Pass {
-            kernels,
-            workspace,
-            view,
-            ..
-        } = self;
-        let groups = &self.bound.slots[self.slot];
-        let n = u64::from(view.counts[0]);
-        let n_tiles = view.n_tiles() as u64;
-        let degree = self.sh_degree;
-        let room = workspace.capacity.pairs as u64;
-        commands.dispatch(&kernels.project[degree], &groups.project[degree], n);
-        commands.dispatch(&kernels.depth_keys, &groups.depth_keys, n);
-        self.sort(commands, &groups.depth_passes, n);
-        commands.dispatch(&kernels.bin, &groups.bin_count, n);
-        self.scan(commands, &groups.scan_pairs, n);
-        commands.dispatch(&kernels.bin, &groups.bin_emit, n);
-        self.sort(commands, &groups.pair_passes, room);
-        commands.clear(&workspace.tile_ranges);
-        commands.dispatch(&kernels.find_tile_ranges, &groups.find_tile_ranges, room);
-        commands.dispatch(&kernels.rasterize, &groups.rasterize, n_tiles);
-    }
-
-    /// Radix sort of at most `n` entries.
-    fn sort(&self, commands: &mut Commands<'_>, passes: &[RadixGroups], n: u64) {
-        let n_chunks = n_chunks(n as usize) as u64;
-        for groups in passes {
-            commands.dispatch(&self.kernels.radix_count, &groups.count, n_chunks);
-            self.scan(commands, &groups.scan, n_chunks << RADIX_BITS);
-            commands.dispatch(&self.kernels.radix_move, &groups.shift, n_chunks);
-        }
-    }
-
-    /// Exclusive prefix sum of `n` counts.
-    fn scan(&self, commands: &mut Commands<'_>, groups: &[wgpu::BindGroup; 3], n: u64) {
-        let threads = n.div_ceil(u64::from(SCAN_CHUNK));
-        commands.dispatch(&self.kernels.scan_reduce, &groups[0], threads);
-        commands.dispatch(&self.kernels.scan_blocks, &groups[1], 1);
-        commands.dispatch(&self.kernels.scan_spread, &groups[2], threads);
-    }
-
-    /// The image loss of `workspace.rendered` against `goal`, and its gradient in `d_rendered`.
-    pub fn loss(&self, commands: &mut Commands<'_>, mut loss: LossUniform) {
-        let Some(groups) = &self.bound.slots[self.slot].backward else {
-            return;
-        };
-        let kernels = self.kernels;
-        let (width_4, _) = self.view.padded_size();
-        let rows = u64::from(self.view.size[1]) * width_4 as u64;
-        let strips = n_partials(self.view.plane_len());
-        loss.n_partials = strips as u32;
-        loss.slot = self.slot as u32;
-        self.workspace.slots[self.slot]
-            .loss
-            .write(self.gpu, &[loss]);
-        for (i, n) in [rows, strips as u64, rows, strips as u64]
-            .into_iter()
-            .enumerate()
-        {
-            commands.dispatch(&kernels.ssim[i], &groups.ssim[i], n);
-        }
-        let threads = (strips as u64).div_ceil(u64::from(SCAN_CHUNK));
-        commands.dispatch(&kernels.loss_blocks, &groups.loss_sum[0], threads);
-        commands.dispatch(&kernels.loss_total, &groups.loss_sum[1], 1);
-    }
-
-    /// Carries `d_rendered` back to `d_geometry` and `d_color`.
-    pub fn backward(&self, commands: &mut Commands<'_>) {
-        let Some(groups) = &self.bound.slots[self.slot].backward else {
-            return;
-        };
-        let n_tiles = self.view.n_tiles() as u64;
-        let n = u64::from(self.view.counts[0]);
-        commands.dispatch(&self.kernels.rasterize_backward, &groups.rasterize, n_tiles);
-        let degree = self.sh_degree;
-        commands.dispatch(
-            &self.kernels.project_backward[degree],
-            &groups.project[degree],
-            n,
-        );
-    }
 }
 
 /// Reads the counts that the GPU keeps.

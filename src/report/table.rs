@@ -85,12 +85,23 @@ pub fn evaluation_table(run: &str, evaluation: &Evaluation) -> String {
         figure(mean.ssim, 4),
         figure(mean.lpips, 4),
     ]);
-    format!(
+    let mut out = format!(
         "### {}\n\n{table}\n{} Gaussians, trained in {} s\n",
         escaped(run),
         evaluation.n_gaussians,
         figure(evaluation.train_s, 1)
-    )
+    );
+    if let Some(splat) = &evaluation.point_splat {
+        out += &format!(
+            "\nBare point splat of the cloud: {} dB, SSIM {}; {} dB on the {:.1} % of the pixels \
+             that it covers\n",
+            figure(splat.psnr, 2),
+            figure(splat.ssim, 4),
+            figure(splat.psnr_covered, 2),
+            100.0 * splat.coverage
+        );
+    }
+    out
 }
 
 /// `n/a` for what was not measured.

@@ -111,6 +111,20 @@ pub struct Evaluation {
     pub n_gaussians: usize,
     /// Seconds of training alone.
     pub train_s: Option<f64>,
+    /// What the cloud gives without any training.
+    pub point_splat: Option<PointSplatScore>,
+}
+
+/// Errors of the bare point splat of the cloud at the test views, black where no point falls.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PointSplatScore {
+    /// Means over the views; dB.
+    pub psnr: Option<f64>,
+    pub ssim: Option<f64>,
+    /// Over covered pixels alone; dB.
+    pub psnr_covered: Option<f64>,
+    /// Mean share of covered pixels.
+    pub coverage: f64,
 }
 
 /// Means over the views of their own values.
@@ -135,10 +149,7 @@ pub struct ViewScore {
 impl Evaluation {
     /// With the means over `views`; a metric that a view lacks has no mean.
     pub fn new(views: Vec<ViewScore>, n_gaussians: usize, train_s: Option<f64>) -> Evaluation {
-        let mean = |value: fn(&ViewScore) -> Option<f64>| {
-            let values = views.iter().map(value).collect::<Option<Vec<f64>>>()?;
-            (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
-        };
+        let mean = |value: fn(&ViewScore) -> Option<f64>| mean(views.iter().map(value));
         Evaluation {
             mean: Mean {
                 psnr: mean(|view| view.psnr),
@@ -148,8 +159,15 @@ impl Evaluation {
             views,
             n_gaussians,
             train_s,
+            point_splat: None,
         }
     }
+}
+
+/// Mean of values that are all there.
+pub fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+    let values = values.collect::<Option<Vec<f64>>>()?;
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
 /// Peak resident set of this process in bytes, where the system tells (Linux).

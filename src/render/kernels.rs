@@ -1,0 +1,147 @@
+//! The kernels of a view and their bind groups.
+
+use super::model::Model;
+use super::workspace::Workspace;
+use crate::gpu::{Buffer, Gpu, Kernel};
+
+/// Every kernel that renders, compares and differentiates a view.
+pub struct Kernels {
+    /// By active SH degree.
+    pub(super) project: [Kernel; 4],
+    pub(super) depth_keys: Kernel,
+    pub(super) radix_count: Kernel,
+    pub(super) radix_move: Kernel,
+    pub(super) bin: Kernel,
+    pub(super) scan_reduce: Kernel,
+    pub(super) scan_blocks: Kernel,
+    pub(super) scan_spread: Kernel,
+    pub(super) find_tile_ranges: Kernel,
+    pub(super) rasterize: Kernel,
+    pub(super) ssim: [Kernel; 4],
+    pub(super) loss_blocks: Kernel,
+    pub(super) loss_total: Kernel,
+    pub(super) rasterize_backward: Kernel,
+    pub(super) project_backward: [Kernel; 4],
+}
+
+impl Kernels {
+    pub fn new(gpu: &Gpu) -> Kernels {
+        let by_degree = |stage| [0, 1, 2, 3].map(|d| Kernel::for_degree(gpu, stage, stage, d));
+        Kernels {
+            project: by_degree("project"),
+            depth_keys: Kernel::new(gpu, "depth_keys", "depth_keys"),
+            radix_count: Kernel::new(gpu, "radix", "radix_count"),
+            radix_move: Kernel::new(gpu, "radix", "radix_move"),
+            bin: Kernel::new(gpu, "bin", "bin"),
+            scan_reduce: Kernel::new(gpu, "scan", "scan_reduce"),
+            scan_blocks: Kernel::new(gpu, "scan", "scan_blocks"),
+            scan_spread: Kernel::new(gpu, "scan", "scan_spread"),
+            find_tile_ranges: Kernel::new(gpu, "tile_ranges", "find_tile_ranges"),
+            rasterize: Kernel::new(gpu, "rasterize", "rasterize"),
+            ssim: [
+                Kernel::new(gpu, "ssim", "ssim_horizontal"),
+                Kernel::new(gpu, "ssim", "ssim_vertical"),
+                Kernel::new(gpu, "ssim", "ssim_horizontal_backward"),
+                Kernel::new(gpu, "ssim", "ssim_vertical_backward"),
+            ],
+            loss_blocks: Kernel::new(gpu, "loss_sum", "loss_blocks"),
+            loss_total: Kernel::new(gpu, "loss_sum", "loss_total"),
+            rasterize_backward: Kernel::new(gpu, "rasterize_backward", "rasterize_backward"),
+            project_backward: by_degree("project_backward"),
+        }
+    }
+}
+
+/// Bind groups of a workspace and a model, for both slots.
+pub struct Bound {
+    pub(super) slots: [Groups; 2],
+}
+
+pub(super) struct Groups {
+    /// By active SH degree.
+    pub(super) project: [wgpu::BindGroup; 4],
+    pub(super) depth_keys: wgpu::BindGroup,
+    pub(super) depth_passes: Vec<RadixGroups>,
+    pub(super) pair_passes: Vec<RadixGroups>,
+    pub(super) bin_count: wgpu::BindGroup,
+    pub(super) bin_emit: wgpu::BindGroup,
+    pub(super) scan_pairs: [wgpu::BindGroup; 3],
+    pub(super) find_tile_ranges: wgpu::BindGroup,
+    pub(super) rasterize: wgpu::BindGroup,
+    pub(super) backward: Option<BackwardGroups>,
+}
+
+pub(super) struct RadixGroups {
+    pub(super) count: wgpu::BindGroup,
+    pub(super) scan: [wgpu::BindGroup; 3],
+    pub(super) shift: wgpu::BindGroup,
+}
+
+pub(super) struct BackwardGroups {
+    pub(super) ssim: [wgpu::BindGroup; 4],
+    pub(super) loss_sum: [wgpu::BindGroup; 2],
+    pub(super) rasterize: wgpu::BindGroup,
+    pub(super) project: [wgpu::BindGroup; 4],
+}
+
+impl Bound {
+    pub fn new(gpu: &Gpu, kernels: &Kernels, workspace: &Workspace, model: &Model) -> Bound {
+        Bound {
+            slots: [0, 1].map(|slot| Groups::new(gpu, kernels, workspace, model, slot)),
+        }
+    }
+}
+
+impl Groups {
+    fn new(gpu: &Gpu, kernels: &Kernels, space: &Workspace, model: &Model, slot: usize) -> Groups {
+        let names = space.names(model, slot);
+        let with = |extra: &[(&'static str, &'_ Buffer)], kernel: &Kernel| {
+            let mut all: Vec<(&str, &Buffer)> = extra.to_vec();
+            all.extend(names.iter().copied());
+            kernel.bind(gpu, &all)
+        };
+        let scan = |uniform: &Buffer, counts: &Buffer| {
+            [
+                &kernels.scan_reduce,
+                &kernels.scan_blocks,
+                &kernels.scan_spread,
+            ]
+            .map(|kernel| with(&[("scan", uniform), ("counts", counts)], kernel))
+        };
+        let radix = |passes: &[Buffer], entries: &[Buffer; 2], uniform: &Buffer| {
+            let pass = |(i, pass): (usize, &Buffer)| {
+                let from_to = [
+                    ("radix", pass),
+                    ("entries_in", &entries[i % 2]),
+                    ("entries_out", &entries[1 - i % 2]),
+                ];
+                RadixGroups {
+                    count: with(&from_to, &kernels.radix_count),
+                    scan: scan(uniform, &space.digit_counts),
+                    shift: with(&from_to, &kernels.radix_move),
+                }
+            };
+            passes.iter().enumerate().map(pass).collect()
+        };
+        let uniforms = &space.slots[slot];
+        Groups {
+            project: kernels.project.each_ref().map(|k| with(&[], k)),
+            depth_keys: with(&[], &kernels.depth_keys),
+            depth_passes: radix(&uniforms.depth_passes, &space.depth_order, {
+                &uniforms.scan_splat_digits
+            }),
+            pair_passes: radix(&space.pair_passes, &space.pairs, &uniforms.scan_pair_digits),
+            bin_count: with(&[("mode", &space.count)], &kernels.bin),
+            bin_emit: with(&[("mode", &space.emit)], &kernels.bin),
+            scan_pairs: scan(&space.slots[slot].scan_pairs, &space.splat_pairs),
+            find_tile_ranges: with(&[], &kernels.find_tile_ranges),
+            rasterize: with(&[], &kernels.rasterize),
+            backward: space.backward.as_ref().map(|_| BackwardGroups {
+                ssim: [0, 1, 2, 3].map(|i| with(&[], &kernels.ssim[i])),
+                loss_sum: [&kernels.loss_blocks, &kernels.loss_total].map(|k| with(&[], k)),
+                rasterize: with(&[], &kernels.rasterize_backward),
+                project: kernels.project_backward.each_ref().map(|k| with(&[], k)),
+            }),
+        }
+    }
+}
