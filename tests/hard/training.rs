@@ -5,6 +5,7 @@ use glam::{DVec3, Vec3};
 use gspotential::camera::Frame;
 use gspotential::config::Config;
 use gspotential::gaussians::Gaussians;
+use gspotential::gpu::constants::{TILE_H, TILE_W};
 use gspotential::render::{Model, Renderer};
 use gspotential::scene::PointCloud;
 use gspotential::train::{Supervision, Trained, TrainingView};
@@ -205,6 +206,12 @@ fn no_gaussians_at_all_render_the_background() {
     assert!(image.alpha.iter().all(|a| *a == 0.0));
 }
 
+/// Side of a square image of more than `n_tiles` tiles.
+fn side_of(n_tiles: u64) -> usize {
+    let area = n_tiles * u64::from(TILE_W * TILE_H);
+    (area as f64).sqrt() as usize + 64
+}
+
 #[test]
 fn more_pairs_than_the_adapter_binds_are_refused_and_the_next_view_renders() {
     let mut wide = ball(0);
@@ -219,9 +226,9 @@ fn more_pairs_than_the_adapter_binds_are_refused_and_the_next_view_renders() {
     let ctx = context();
     let model = Model::upload(&ctx.gpu, &wide, n).expect("fits");
     let mut renderer = Renderer::new(&ctx.gpu, &ctx.kernels);
-    let side = 4 * ((ctx.gpu.max_binding() / 8 / n as u64) as f64).sqrt() as usize + 64;
+    let side = side_of(ctx.gpu.max_binding() / 8 / n as u64);
     let large = camera().resized(side.min(4096), side.min(4096));
-    let refused = renderer.render(&model, &view_of(&large));
+    let refused = renderer.render(&model, &view_of(&large)).map(|_| ());
     let text = refused.expect_err("too many pairs").to_string();
     assert!(text.contains("pair"), "{text}");
     let small = renderer.render(&model, &view_of(&camera()));
@@ -235,7 +242,7 @@ fn a_step_with_more_pairs_than_the_adapter_binds_is_refused() {
     let mut wide = ball(300);
     wide.scales_log.fill(Vec3::splat(4.0));
     let ctx = context();
-    let side = 4 * ((ctx.gpu.max_binding() / 16 / 300) as f64).sqrt() as usize + 64;
+    let side = side_of(ctx.gpu.max_binding() / 16 / 300);
     let supervision = noise_supervision(&cameras()[0].resized(side.min(2400), side.min(2400)));
     let refused = survive(&ctx, "too many", &wide, &supervision, &config(1));
     let text = refused.err().expect("too many pairs").to_string();
