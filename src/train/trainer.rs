@@ -329,7 +329,10 @@ impl<'a> Trainer<'a> {
         }
         let mut capacity = self.workspace.capacity;
         capacity.stride = capacity.stride.max(self.optimizer.model.stride);
-        capacity.pairs = capacity.pairs.max(pairs + pairs / 2);
+        // A pair's largest entry is a vec4f.
+        let most_pairs = (self.gpu.max_binding() / 16) as usize;
+        let wanted = (pairs + pairs / 2).min(most_pairs).max(pairs);
+        capacity.pairs = capacity.pairs.max(wanted);
         self.workspace = Workspace::new(self.gpu, capacity, true)?;
         self.rebind();
         Ok(())
