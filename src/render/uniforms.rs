@@ -101,7 +101,7 @@ impl ViewUniform {
 
 /// Vectors of four pixels a row and rows of the padded image: whole tiles and whole SSIM strips.
 fn padded(width: u32, height: u32) -> (u32, u32) {
-    let rows = if TILE_H % SSIM_ROWS == 0 {
+    let rows = if TILE_H.is_multiple_of(SSIM_ROWS) {
         TILE_H
     } else {
         TILE_H * SSIM_ROWS

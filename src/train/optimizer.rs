@@ -224,7 +224,7 @@ impl Optimizer {
         ] {
             let new = Model::zeros(gpu, n, stride, degree)?;
             let mut commands = Commands::new(gpu);
-            for block in 0..n_blocks(degree) {
+            for (block, n_planes) in BLOCK_PLANES.iter().enumerate().take(n_blocks(degree)) {
                 let kind = match (moments, block) {
                     (true, _) => KIND_MOMENTS,
                     (false, 0) => KIND_GEOMETRY,
@@ -234,7 +234,7 @@ impl Optimizer {
                     n: n as u32,
                     old_stride: old.stride as u32,
                     new_stride: stride as u32,
-                    n_planes: BLOCK_PLANES[block] as u32,
+                    n_planes: *n_planes as u32,
                     kind,
                     pad: [0; 3],
                 };

@@ -175,11 +175,11 @@ fn masked_losses_match_the_twin_at_odd_sizes() {
         let half: Vec<bool> = (0..n).map(|_| random.uniform(0.0, 1.0) < 0.5).collect();
         let mut one = vec![false; n];
         one[n / 2] = true;
-        let mut hole = vec![true; n];
-        for p in 0..n {
+        let is_kept = |p: usize| {
             let (x, y) = (p % size.0, p / size.0);
-            hole[p] = !(x > size.0 / 4 && y > size.1 / 4 && x < size.0 / 2);
-        }
+            !(x > size.0 / 4 && y > size.1 / 4 && x < size.0 / 2)
+        };
+        let hole: Vec<bool> = (0..n).map(is_kept).collect();
         for (what, mask) in [
             ("half", &half),
             ("one", &one),
