@@ -35,9 +35,12 @@ fn project_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
     }
     let stride = view.counts.y;
     let slot = view.planes.z;
+    // Always true together with the first part alone; as it stands, no branch depends on uniforms
+    // only. Mesa's software driver would compile the kernel anew for every dispatch of such a one.
+    let is_first = (slot == 0u) & (id < view.counts.x);
     let range = gaussian_pairs[id];
     if (range.x == range.y) {
-        if (slot == 0u) {
+        if (is_first) {
             d_geometry[id] = vec4f(0.0);
             d_geometry[stride + id] = vec4f(0.0);
             d_geometry[2u * stride + id] = vec4f(0.0);
@@ -143,7 +146,7 @@ fn project_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
     var d_0 = vec4f(d_mean, d_opacity_logit);
     var d_1 = vec4f(d_scale_log, 0.0);
     var d_2 = d_rotation;
-    if (slot == 0u) {
+    if (is_first) {
         let half_size = 0.5 * vec2f(view.size.xy);
         let cov_xx = dot(o.m_x, o.m_x) + DILATION;
         let cov_yy = dot(o.m_y, o.m_y) + DILATION;
