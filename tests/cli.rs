@@ -252,7 +252,8 @@ fn render_refuses_what_is_no_model_and_no_camera() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     write("empty.ply", "");
-    write("points.ply", GOOD_PLY);
+    let header = GOOD_PLY.replace("ascii", "binary_little_endian");
+    write("points.ply", &header);
     write("config.json", r#"{"preset": "paper"}"#);
     for (model, cameras, views, code, parts) in [
         ("no.ply", "no.json", None, 1, &["no.ply"][..]),
