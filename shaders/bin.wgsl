@@ -14,6 +14,8 @@ const COUNT = 0u;
 @group(0) @binding(5) var<storage, read_write> pair_gaussian: array<u32>;
 @group(0) @binding(6) var<storage, read> totals: array<u32>;
 @group(0) @binding(7) var<uniform> mode: vec4u;
+// Per Gaussian (EMIT): its first pair and one past its last.
+@group(0) @binding(3) var<storage, read_write> gaussian_pairs: array<vec2u>;
 // (key, Gaussian), front to back.
 @group(0) @binding(8) var<storage, read> depth_order: array<vec2u>;
 
@@ -84,5 +86,7 @@ fn bin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec
     }
     if (counting) {
         splat_pairs[rank] = n_pairs;
+    } else {
+        gaussian_pairs[id] = vec2u(splat_pairs[rank], splat_pairs[rank] + n_pairs);
     }
 }

@@ -1,4 +1,4 @@
-// Gradient of the projection: one thread a Gaussian, front to back. Sums the Gaussian's pairs in their fixed
+// Gradient of the projection: one thread a Gaussian. Sums the Gaussian's pairs in their fixed
 // order and carries the sums through covariance, projection, SH direction and quaternion
 // normalisation to the stored parameters. The step's first view writes, its second adds.
 #import shared/view
@@ -11,8 +11,8 @@
 @group(0) @binding(3) var<storage, read> sh_2: array<vec4f>;
 @group(0) @binding(4) var<storage, read> sh_3: array<vec4f>;
 @group(0) @binding(5) var<storage, read> splats: array<vec4f>;
-// Per splat, front to back: its first pair.
-@group(0) @binding(6) var<storage, read> splat_pairs: array<u32>;
+// Per Gaussian: its first pair and one past its last.
+@group(0) @binding(6) var<storage, read> gaussian_pairs: array<vec2u>;
 @group(0) @binding(7) var<storage, read> d_pair_a: array<vec4f>;
 @group(0) @binding(8) var<storage, read> d_pair_b: array<vec4f>;
 @group(0) @binding(9) var<storage, read> d_pair_c: array<f32>;
@@ -24,27 +24,19 @@
 // longer image side (0: not drawn).
 @group(0) @binding(12) var<storage, read_write> screen: array<vec2f>;
 @group(0) @binding(13) var<storage, read> totals: array<u32>;
-// (key, Gaussian), front to back.
-@group(0) @binding(14) var<storage, read> depth_order: array<vec2u>;
 
 const TWO_LN_2 = 1.3862943611198906;
 
 @compute @workgroup_size(WORKGROUP)
 fn project_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let rank = (group.y * groups.x + group.x) * WORKGROUP + local;
-    let n = view.counts.x;
-    if (rank >= n || totals[TOTAL_OVERFLOW] != 0u) {
+    let id = (group.y * groups.x + group.x) * WORKGROUP + local;
+    if (id >= view.counts.x || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
     let stride = view.counts.y;
     let slot = view.planes.z;
-    let id = depth_order[rank].y;
-    let first = splat_pairs[rank];
-    var end = totals[TOTAL_PAIRS];
-    if (rank + 1u < n) {
-        end = splat_pairs[rank + 1u];
-    }
-    if (first == end) {
+    let range = gaussian_pairs[id];
+    if (range.x == range.y) {
         if (slot == 0u) {
             d_geometry[id] = vec4f(0.0);
             d_geometry[stride + id] = vec4f(0.0);
@@ -57,7 +49,7 @@ fn project_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
     var a = vec4f(0.0);
     var b = vec4f(0.0);
     var c = 0.0;
-    for (var pair = first; pair < end; pair++) {
+    for (var pair = range.x; pair < range.y; pair++) {
         a += d_pair_a[pair];
         b += d_pair_b[pair];
         c += d_pair_c[pair];

@@ -6,7 +6,7 @@ use std::fmt::Write;
 pub const WORKGROUP: u32 = 64;
 /// Tile size, pixels. A thread owns a tile, four pixels a vector.
 pub const TILE_W: u32 = 4;
-pub const TILE_H: u32 = 4;
+pub const TILE_H: u32 = 8;
 /// Counts a thread sums serially in scans and sums.
 pub const SCAN_CHUNK: u32 = 32;
 /// Entries a thread of a radix sort moves; below 256. Bits of a digit, and of a depth key.

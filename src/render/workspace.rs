@@ -61,6 +61,7 @@ pub struct Workspace {
     pub totals: Buffer,
     pub splats: Buffer,
     pub splat_pairs: Buffer,
+    pub gaussian_pairs: Buffer,
     pub(super) block_sums: Buffer,
     /// `Radix` of the depth sort's passes, per slot, and of the pair sort's.
     pub(super) pair_passes: Vec<Buffer>,
@@ -143,6 +144,7 @@ impl Workspace {
             emit: Buffer::uniform_from(gpu, "emit", &[1_u32, 0, 0, 0]),
             totals: Buffer::storage::<u32>(gpu, "totals", N_TOTALS as usize)?,
             splats: Buffer::storage::<[f32; 4]>(gpu, "splats", 3 * stride)?,
+            gaussian_pairs: Buffer::storage::<[u32; 2]>(gpu, "gaussian_pairs", stride)?,
             splat_pairs: Buffer::storage::<u32>(gpu, "splat_pairs", stride)?,
             block_sums: Buffer::storage::<u32>(gpu, "block_sums", n_blocks)?,
             pair_passes: (0..n_pair_passes(tiles))
@@ -211,6 +213,7 @@ impl Workspace {
             ("totals", &self.totals),
             ("splats", &self.splats),
             ("splat_pairs", &self.splat_pairs),
+            ("gaussian_pairs", &self.gaussian_pairs),
             ("tile_ranges", &self.tile_ranges),
             ("pairs", &self.pairs[0]),
             ("block_sums", &self.block_sums),
