@@ -113,6 +113,7 @@ fn evaluation_has_the_mean_of_the_views_values_and_null_for_the_rest() {
             ],
             "n_gaussians": 42,
             "train_s": 1.5,
+            "point_splat": null,
         })
     );
     assert!(Evaluation::new(Vec::new(), 1, None).mean.psnr.is_none());
