@@ -58,9 +58,10 @@ fn main() -> Result<()> {
     let kernels = Kernels::new(&gpu);
     let supervision = &prepared.supervision;
     let mut trainer = Trainer::new(&gpu, &kernels, &prepared.start, supervision, &config)?;
-    for i in 0..args.warmup {
-        trainer.step(i, None);
-        gpu.wait()?;
+    let mut warm = 0;
+    while warm < args.warmup {
+        trainer.step(warm, None);
+        warm = trainer.make_room()?.unwrap_or(warm + 1);
     }
     let mut profile =
         Profile::new(&gpu).ok_or_else(|| Error::new("the adapter has no timestamps"))?;
@@ -72,6 +73,10 @@ fn main() -> Result<()> {
         trainer.step(i, Some(&mut profile));
         gpu.wait()?;
         wall += start.elapsed().as_secs_f64();
+        if trainer.make_room()?.is_some() {
+            return Err(Error::new("the pairs of a measured step did not fit")
+                .way_out("give more --warmup steps"));
+        }
         pairs += trainer.n_pairs()?;
         for (name, s) in profile.take(&gpu)? {
             *kernels.entry(name).or_insert(0.0) += s;

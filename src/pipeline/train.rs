@@ -3,11 +3,11 @@
 use super::{Clock, Prepared, cameras, evaluate, prepare};
 use crate::cameras_json::write_cameras;
 use crate::config::Config;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gaussians::ply::write_ply;
 use crate::gpu::Gpu;
 use crate::progress::Progress;
-use crate::render::Kernels;
+use crate::render::{Kernels, most_gaussians};
 use crate::report::{ContactSheet, mask_image, write_png};
 use crate::run::{
     Evaluation, LossSample, Memory, Metrics, ModelSize, PoseProtocol, RunDir, SceneRecord, Seconds,
@@ -40,6 +40,7 @@ pub fn train(
     for warning in &warnings {
         eprintln!("warning: {warning}");
     }
+    let config = &fitted(config, &gpu, start.len())?;
     eprintln!(
         "{} Gaussians from {} points",
         start.len(),
@@ -85,6 +86,30 @@ pub fn train(
         model_size: model_sizes(start.len(), &trained.plans),
     })?;
     Ok(evaluation)
+}
+
+/// The config with its cap on Gaussians lowered to what the adapter can bind.
+///
+/// # Errors
+/// The start itself does not fit.
+fn fitted(config: &Config, gpu: &Gpu, n_start: usize) -> Result<Config> {
+    let most = most_gaussians(gpu, config.model.sh_degree);
+    if n_start > most {
+        return Err(Error::new(format!(
+            "{n_start} Gaussians of SH degree {} do not fit: the adapter binds {} bytes at once, \
+             enough for {most}",
+            config.model.sh_degree,
+            gpu.max_binding()
+        ))
+        .at(&gpu.info.name)
+        .way_out(format!("start from fewer with --max-points {most}")));
+    }
+    let mut fitted = config.clone();
+    if config.densify.enabled && config.densify.max_gaussians > most {
+        eprintln!("densification stops at {most} Gaussians, which is what the adapter can bind");
+        fitted.densify.max_gaussians = most;
+    }
+    Ok(fitted)
 }
 
 fn write_virtual_sheet(run: &RunDir, views: &[TrainingView]) -> Result<()> {

@@ -13,7 +13,7 @@ mod uniforms;
 mod workspace;
 
 pub use kernels::{Bound, Kernels};
-pub use model::{BLOCK_PLANES, Model, n_blocks};
+pub use model::{BLOCK_PLANES, Model, most_gaussians, n_blocks};
 pub use pass::Pass;
 pub use renderer::{Rendered, Renderer};
 pub use uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};

@@ -108,6 +108,12 @@ impl Model {
     }
 }
 
+/// Most Gaussians of a degree whose every block the adapter can bind.
+pub fn most_gaussians(gpu: &Gpu, sh_degree: u32) -> usize {
+    let planes = BLOCK_PLANES[..n_blocks(sh_degree)].iter().max();
+    (gpu.max_binding() / (16 * planes.copied().unwrap_or(1) as u64)) as usize
+}
+
 /// SH floats a Gaussian.
 fn n_floats(sh_degree: u32) -> usize {
     3 * (sh_degree as usize + 1).pow(2)

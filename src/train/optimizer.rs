@@ -7,7 +7,7 @@ use super::schedule;
 use crate::config::Config;
 use crate::error::Result;
 use crate::gpu::{Buffer, Commands, Gpu, Kernel};
-use crate::render::{BLOCK_PLANES, Model, Workspace, n_blocks};
+use crate::render::{BLOCK_PLANES, Model, Workspace, most_gaussians, n_blocks};
 
 /// The kernels of this stage.
 pub struct OptimizerKernels {
@@ -208,15 +208,15 @@ impl Optimizer {
     /// Carries out a plan; statistics start anew.
     pub fn rearrange(&mut self, gpu: &Gpu, kernels: &OptimizerKernels, plan: &Plan) -> Result<()> {
         let n = plan.sources.len();
+        let degree = self.model.sh_degree;
         // Room to grow, so that the workspace's buffers need not follow every plan.
         let stride = if n > self.model.stride {
-            n + n / 4
+            (n + n / 4).min(most_gaussians(gpu, degree)).max(n)
         } else {
             self.model.stride
         };
         let sources = Buffer::storage_from(gpu, "sources", &plan.sources)?;
         let changes = Buffer::storage_from(gpu, "changes", &plan.changes)?;
-        let degree = self.model.sh_degree;
         for (old, moments) in [
             (&mut self.model, false),
             (&mut self.first_moment, true),

@@ -174,11 +174,8 @@ impl<'a> Trainer<'a> {
             if !(changes || done.is_multiple_of(LOOK_INTERVAL) || done == config.iterations) {
                 continue;
             }
-            let totals = read_totals(self.gpu, &self.workspace)?;
-            if totals.overflow_step != 0 {
-                // Nothing has changed since that step: make room and take it again.
-                done = totals.overflow_step - 1;
-                self.grow(totals.max)?;
+            if let Some(skipped) = self.make_room()? {
+                done = skipped;
                 continue;
             }
             let sample = self.sample(done, views)?;
@@ -235,6 +232,20 @@ impl<'a> Trainer<'a> {
             .step(self.gpu, kernels, &self.adam, &mut commands, (step, degree));
         commands.submit();
         (real, virtual_view)
+    }
+
+    /// Grows the buffers if the pairs of a step did not fit, and returns that step's iteration
+    /// (from 0): nothing has changed since, so that it and those after it are to be taken again.
+    ///
+    /// # Errors
+    /// More pairs than the adapter can bind, or a GPU fault.
+    pub fn make_room(&mut self) -> Result<Option<u32>> {
+        let totals = read_totals(self.gpu, &self.workspace)?;
+        if totals.overflow_step == 0 {
+            return Ok(None);
+        }
+        self.grow(totals.max)?;
+        Ok(Some(totals.overflow_step - 1))
     }
 
     /// (tile, Gaussian) pairs of the last view, for benches.
@@ -312,7 +323,10 @@ impl<'a> Trainer<'a> {
         }
         let mut capacity = self.workspace.capacity;
         capacity.stride = capacity.stride.max(self.optimizer.model.stride);
-        capacity.pairs = capacity.pairs.max(pairs + pairs / 2);
+        // A pair's largest entry is a vec4f.
+        let most_pairs = (self.gpu.max_binding() / 16) as usize;
+        let wanted = (pairs + pairs / 2).min(most_pairs).max(pairs);
+        capacity.pairs = capacity.pairs.max(wanted);
         self.workspace = Workspace::new(self.gpu, capacity, true)?;
         self.rebind();
         Ok(())
