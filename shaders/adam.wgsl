@@ -8,9 +8,9 @@ struct Step {
     centers: array<vec4f, 2>,
     // Learning rates: planes 0 to 2 of the geometry, then x: SH degree 0, y: higher degrees.
     rates: array<vec4f, 4>,
-    // beta1, beta2, epsilon, 0.
+    // beta1, beta2, 1 - beta1, 1 - beta2: the difference would lose three digits here.
     betas: vec4f,
-    // 1 / (1 - beta1^t), 1 / sqrt(1 - beta2^t).
+    // 1 / (1 - beta1^t), 1 / sqrt(1 - beta2^t), epsilon, 0.
     corrections: vec4f,
     // Number of Gaussians, stride, 0, 0.
     counts: vec4u,
@@ -31,11 +31,11 @@ struct Step {
 @group(0) @binding(9) var<storage, read_write> statistics: array<vec4f>;
 
 fn update(index: u32, gradient: vec4f, rate: vec4f) {
-    let m = mix(gradient, first_moment[index], step.betas.x);
-    let v = mix(gradient * gradient, second_moment[index], step.betas.y);
+    let m = step.betas.x * first_moment[index] + step.betas.z * gradient;
+    let v = step.betas.y * second_moment[index] + step.betas.w * (gradient * gradient);
     first_moment[index] = m;
     second_moment[index] = v;
-    parameters[index] -= rate * (m * step.corrections.x) / (sqrt(v) * step.corrections.y + step.betas.z);
+    parameters[index] -= rate * (m * step.corrections.x) / (sqrt(v) * step.corrections.y + step.corrections.z);
 }
 
 @compute @workgroup_size(WORKGROUP)

@@ -69,19 +69,27 @@ fn project_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
 
     // n = cov2d^-1 d: d_mean2d = sum v n, dL/dcov2d = sum v n n^T / 2, in the moments of t.
     let d_mean2d = TWO_LN_2 * vec2f(l_xx * a.y, l_xy * a.y + l_yy * a.z);
-    let k = TWO_LN_2 * TWO_LN_2;
-    // 2 dL/dcov2d.
-    let c_xx = k * l_xx * l_xx * a.w;
-    let c_xy = k * l_xx * (l_xy * a.w + l_yy * b.x);
-    let c_yy = k * (l_xy * (l_xy * a.w + 2.0 * l_yy * b.x) + l_yy * l_yy * b.y);
-    let d_m_x = c_xx * o.m_x + c_xy * o.m_y;
-    let d_m_y = c_xy * o.m_x + c_yy * o.m_y;
-    let d_scale_log = d_m_x * o.m_x + d_m_y * o.m_y;
-    let s_x = d_m_x * o.scale;
-    let s_y = d_m_y * o.scale;
-
-    let d_t_x = o.rotation * s_x;
-    let d_t_y = o.rotation * s_y;
+    // With L the conic's factor and T the moments of t: 2 dL/dcov2d = k^2 L^T T L. Everything goes
+    // through the whitened L M and L J W, where a long splat's own direction has length 1: in
+    // pixels its length would meet the inverse of its width and cancel.
+    let moments = TWO_LN_2 * TWO_LN_2 * vec3f(a.w, b.x, b.y);
+    let root_yy = sqrt(dot(o.m_y, o.m_y) + DILATION);
+    let unit_y = o.m_y / root_yy;
+    // m_x - (cov_xy / cov_yy) m_y, with its cancelling part as minors.
+    let w_x = l_xx * (cross(unit_y, cross(o.m_x, unit_y)) + DILATION / root_yy * (o.m_x / root_yy));
+    let w_y = l_yy * o.m_y;
+    let d_w_x = moments.x * w_x + moments.y * w_y;
+    let d_w_y = moments.y * w_x + moments.z * w_y;
+    let d_scale_log = d_w_x * w_x + d_w_y * w_y;
+    // Rows of dL/d(L M S^-1): what reaches L J W R.
+    let s_x = d_w_x * o.scale;
+    let s_y = d_w_y * o.scale;
+    let u_x = l_xx * o.t_x + l_xy * o.t_y;
+    let u_y = l_yy * o.t_y;
+    let d_u_x = o.rotation * s_x;
+    let d_u_y = o.rotation * s_y;
+    let d_t_x = l_xx * d_u_x;
+    let d_t_y = l_xy * d_u_x + l_yy * d_u_y;
     let inv_z = 1.0 / o.p.z;
     let focal_z = view.intrinsics.xy * inv_z;
     // Through x/z and y/z of the Jacobian (zero where bounded) and of the mean.
@@ -90,7 +98,8 @@ fn project_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
     let d_ratio = select(vec2f(0.0), d_bounded, unbounded) + view.intrinsics.xy * d_mean2d;
     let d_p = vec3f(
         d_ratio * inv_z,
-        -inv_z * (dot(d_ratio, o.ratio) + dot(d_t_x, o.t_x) + dot(d_t_y, o.t_y)),
+        // dot(d_t_x, t_x) + dot(d_t_y, t_y) is the sum over the axes.
+        -inv_z * (dot(d_ratio, o.ratio) + (d_scale_log.x + d_scale_log.y + d_scale_log.z)),
     );
     var d_mean = d_p.x * view.w2c_x.xyz + d_p.y * view.w2c_y.xyz + d_p.z * view.w2c_z.xyz;
 
@@ -117,9 +126,9 @@ fn project_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
     }
 
     // dL/drotation, column by column, then to the quaternion.
-    let r_0 = s_x.x * o.t_x + s_y.x * o.t_y;
-    let r_1 = s_x.y * o.t_x + s_y.y * o.t_y;
-    let r_2 = s_x.z * o.t_x + s_y.z * o.t_y;
+    let r_0 = s_x.x * u_x + s_y.x * u_y;
+    let r_1 = s_x.y * u_x + s_y.y * u_y;
+    let r_2 = s_x.z * u_x + s_y.z * u_y;
     let norm = length(g.rotation_wxyz);
     let q = g.rotation_wxyz / norm;
     let d_q = 2.0 * vec4f(

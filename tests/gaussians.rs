@@ -194,6 +194,17 @@ fn distinct(n: usize, sh_degree: u32) -> Gaussians {
 }
 
 /// A folder for the test's files, and a path in it.
+#[test]
+fn gaussians_that_cannot_be_drawn_are_counted() {
+    let mut gaussians = distinct(6, 0);
+    assert_eq!(gaussians.n_not_finite(), 0);
+    gaussians.means[0].y = f32::NAN;
+    gaussians.scales_log[1].z = f32::INFINITY;
+    gaussians.rotations_wxyz[2][3] = f32::NEG_INFINITY;
+    gaussians.opacity_logits[3] = f32::NAN;
+    assert_eq!(gaussians.n_not_finite(), 4);
+}
+
 fn scratch(name: &str) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);

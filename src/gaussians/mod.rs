@@ -49,6 +49,18 @@ impl Gaussians {
         self.means.is_empty()
     }
 
+    /// Number of Gaussians with a mean, scale, rotation or opacity that is NaN or infinite; none of
+    /// them is ever drawn.
+    pub fn n_not_finite(&self) -> usize {
+        let is_finite = |i: &usize| {
+            self.means[*i].is_finite()
+                && self.scales_log[*i].is_finite()
+                && self.rotations_wxyz[*i].iter().all(|q| q.is_finite())
+                && !self.opacity_logits[*i].is_nan()
+        };
+        (0..self.len()).filter(|i| !is_finite(i)).count()
+    }
+
     /// Coefficients a channel, `(sh_degree + 1)^2`.
     pub fn n_sh(&self) -> usize {
         n_sh(self.sh_degree)

@@ -24,6 +24,14 @@ const MAX_LISTED: usize = 8;
 pub fn render(job: &RenderJob) -> Result<usize> {
     let config = Config::preset(PRESETS[0].0)?;
     let gaussians = read_ply(&job.model)?;
+    let n_not_finite = gaussians.n_not_finite();
+    if n_not_finite > 0 {
+        eprintln!(
+            "warning: {}: {n_not_finite} of {} Gaussians are not finite and are not drawn",
+            job.model.display(),
+            gaussians.len()
+        );
+    }
     let (cameras, frame) = choose(job, &config)?;
     if cameras.is_empty() {
         return Err(Error::new("no camera to render from")

@@ -60,21 +60,23 @@ impl Model {
 
         let n_sh = n_floats(gaussians.sh_degree);
         let mut first = 0;
-        for block in 1..n_blocks(gaussians.sh_degree) {
-            let mut planes = vec![[0.0_f32; 4]; BLOCK_PLANES[block] * stride];
+        let n_blocks_sh = n_blocks(gaussians.sh_degree);
+        for (buffer, n_planes) in model
+            .blocks
+            .iter()
+            .zip(BLOCK_PLANES)
+            .take(n_blocks_sh)
+            .skip(1)
+        {
+            let mut planes = vec![[0.0_f32; 4]; n_planes * stride];
             for i in 0..n {
                 let sh = &gaussians.sh[i * n_sh..][..n_sh];
-                for (f, &value) in sh
-                    .iter()
-                    .enumerate()
-                    .skip(first)
-                    .take(4 * BLOCK_PLANES[block])
-                {
-                    planes[(f - first) / 4 * stride + i][(f - first) % 4] = value;
+                for (f, &value) in sh[first..].iter().take(4 * n_planes).enumerate() {
+                    planes[f / 4 * stride + i][f % 4] = value;
                 }
             }
-            model.blocks[block].write(gpu, &planes);
-            first += 4 * BLOCK_PLANES[block];
+            buffer.write(gpu, &planes);
+            first += 4 * n_planes;
         }
         Ok(model)
     }
@@ -86,15 +88,22 @@ impl Model {
         let n_sh = n_floats(self.sh_degree);
         let mut sh = vec![0.0; n * n_sh];
         let mut first = 0;
-        for block in 1..n_blocks(self.sh_degree) {
-            let planes: Vec<[f32; 4]> =
-                self.blocks[block].read(gpu, BLOCK_PLANES[block] * stride)?;
+        let n_blocks_sh = n_blocks(self.sh_degree);
+        for (buffer, n_planes) in self
+            .blocks
+            .iter()
+            .zip(BLOCK_PLANES)
+            .take(n_blocks_sh)
+            .skip(1)
+        {
+            let planes: Vec<[f32; 4]> = buffer.read(gpu, n_planes * stride)?;
             for i in 0..n {
-                for f in first..n_sh.min(first + 4 * BLOCK_PLANES[block]) {
-                    sh[i * n_sh + f] = planes[(f - first) / 4 * stride + i][(f - first) % 4];
+                let sh = &mut sh[i * n_sh..][..n_sh];
+                for (f, value) in sh[first..].iter_mut().take(4 * n_planes).enumerate() {
+                    *value = planes[f / 4 * stride + i][f % 4];
                 }
             }
-            first += 4 * BLOCK_PLANES[block];
+            first += 4 * n_planes;
         }
         let xyz = |v: &[f32; 4]| glam::Vec3::new(v[0], v[1], v[2]);
         Ok(Gaussians {

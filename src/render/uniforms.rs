@@ -5,6 +5,9 @@ use bytemuck::{Pod, Zeroable};
 use crate::camera::Camera;
 use crate::gpu::constants::{RATIO_MARGIN, SSIM_ROWS, TILE_H, TILE_W};
 
+/// Smallest near plane. The depth sort's keys reach 2^127 times as far, which from 0 is nowhere.
+const MIN_NEAR: f64 = 1e-18;
+
 /// One rendered view; `View` in WGSL.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -47,7 +50,7 @@ impl ViewUniform {
                 center.x as f32,
                 center.y as f32,
                 center.z as f32,
-                near as f32,
+                near.max(MIN_NEAR) as f32,
             ],
             intrinsics: [camera.fx, camera.fy, camera.cx, camera.cy].map(|v| v as f32),
             ratio_bounds: [
@@ -98,7 +101,7 @@ impl ViewUniform {
 
 /// Vectors of four pixels a row and rows of the padded image: whole tiles and whole SSIM strips.
 fn padded(width: u32, height: u32) -> (u32, u32) {
-    let rows = if TILE_H % SSIM_ROWS == 0 {
+    let rows = if TILE_H.is_multiple_of(SSIM_ROWS) {
         TILE_H
     } else {
         TILE_H * SSIM_ROWS

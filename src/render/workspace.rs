@@ -197,12 +197,8 @@ impl Workspace {
         &self.pairs[self.pair_passes.len() % 2]
     }
 
-    /// Every buffer under its name in the shaders.
-    pub(super) fn names<'a>(
-        &'a self,
-        model: &'a Model,
-        slot: usize,
-    ) -> Vec<(&'static str, &'a Buffer)> {
+    /// Every buffer under its name in the shaders, with those of `model`.
+    pub fn names<'a>(&'a self, model: &'a Model, slot: usize) -> Vec<(&'static str, &'a Buffer)> {
         let mut names = vec![
             ("view", &self.slots[slot].view),
             ("loss", &self.slots[slot].loss),

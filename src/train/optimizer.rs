@@ -56,11 +56,11 @@ impl StepUniform {
                 [rotation; 4],
                 [o.sh_lr as f32, (o.sh_lr / 20.0) as f32, 0.0, 0.0],
             ],
-            betas: [o.beta1 as f32, o.beta2 as f32, o.epsilon as f32, 0.0],
+            betas: [o.beta1, o.beta2, 1.0 - o.beta1, 1.0 - o.beta2].map(|b| b as f32),
             corrections: [
                 (1.0 / (1.0 - o.beta1.powf(t))) as f32,
                 (1.0 / (1.0 - o.beta2.powf(t)).sqrt()) as f32,
-                0.0,
+                o.epsilon as f32,
                 0.0,
             ],
             counts: [0; 4],
@@ -75,13 +75,13 @@ impl StepUniform {
 /// `Rearrange` in `rearrange.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct RearrangeUniform {
-    n: u32,
-    old_stride: u32,
-    new_stride: u32,
-    n_planes: u32,
-    kind: u32,
-    pad: [u32; 3],
+pub struct RearrangeUniform {
+    pub n: u32,
+    pub old_stride: u32,
+    pub new_stride: u32,
+    pub n_planes: u32,
+    pub kind: u32,
+    pub pad: [u32; 3],
 }
 
 const KIND_GEOMETRY: u32 = 0;
@@ -224,7 +224,7 @@ impl Optimizer {
         ] {
             let new = Model::zeros(gpu, n, stride, degree)?;
             let mut commands = Commands::new(gpu);
-            for block in 0..n_blocks(degree) {
+            for (block, n_planes) in BLOCK_PLANES.iter().enumerate().take(n_blocks(degree)) {
                 let kind = match (moments, block) {
                     (true, _) => KIND_MOMENTS,
                     (false, 0) => KIND_GEOMETRY,
@@ -234,7 +234,7 @@ impl Optimizer {
                     n: n as u32,
                     old_stride: old.stride as u32,
                     new_stride: stride as u32,
-                    n_planes: BLOCK_PLANES[block] as u32,
+                    n_planes: *n_planes as u32,
                     kind,
                     pad: [0; 3],
                 };

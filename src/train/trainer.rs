@@ -83,13 +83,7 @@ pub fn train(
     config: &Config,
     observer: &mut dyn Observer,
 ) -> Result<Trained> {
-    let mut trainer = Trainer::new(gpu, kernels, start, supervision, config)?;
-    trainer.run(observer)?;
-    Ok(Trained {
-        gaussians: trainer.optimizer.model.download(gpu)?,
-        samples: trainer.samples,
-        plans: trainer.plans,
-    })
+    Trainer::new(gpu, kernels, start, supervision, config)?.run(observer)
 }
 
 /// A training run in progress.
@@ -162,7 +156,25 @@ impl<'a> Trainer<'a> {
         })
     }
 
-    fn run(&mut self, observer: &mut dyn Observer) -> Result<()> {
+    /// (tile, Gaussian) pairs that the buffers hold. A step that has more is repeated with
+    /// larger buffers.
+    pub fn pair_capacity(&self) -> usize {
+        self.workspace.capacity.pairs
+    }
+
+    /// Makes room for half as many pairs again as `pairs`.
+    ///
+    /// # Errors
+    /// A request that the adapter cannot hold.
+    pub fn reserve_pairs(&mut self, pairs: usize) -> Result<()> {
+        self.grow(pairs)
+    }
+
+    /// All iterations, from the first.
+    ///
+    /// # Errors
+    /// A request that the adapter cannot hold, or a GPU fault.
+    pub fn run(&mut self, observer: &mut dyn Observer) -> Result<Trained> {
         let config = self.config;
         let mut done = 0;
         while done < config.iterations {
@@ -185,7 +197,12 @@ impl<'a> Trainer<'a> {
                 self.change(done)?;
             }
         }
-        self.gpu.wait()
+        self.gpu.wait()?;
+        Ok(Trained {
+            gaussians: self.optimizer.model.download(self.gpu)?,
+            samples: std::mem::take(&mut self.samples),
+            plans: std::mem::take(&mut self.plans),
+        })
     }
 
     /// Records and submits iteration `iteration` (from 0), timed where there is a profile;

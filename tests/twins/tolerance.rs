@@ -27,3 +27,36 @@ pub const REFERENCE_IMAGE: f64 = 1e-6;
 /// The twins against the reference gradients (f64, weights rounded to f32 on both sides),
 /// relative L2 per class.
 pub const REFERENCE_GRADIENT: f64 = 1e-6;
+
+/// GPU images and gradients (relative L2 per class) against the twins, off fragile pixels: f32
+/// sums of up to a few hundred terms of order 1. Measured: 1e-6 and 3e-6.
+pub const GPU_IMAGE: f64 = 1e-5;
+pub const GPU_GRADIENT: f64 = 1e-5;
+
+/// The same for needles of 1:1e4, whose narrow axis sees the rounding of the projected mean
+/// magnified. Measured: 2e-5 and 4e-5.
+pub const GPU_NEEDLE_IMAGE: f64 = 1e-4;
+pub const GPU_NEEDLE_GRADIENT: f64 = 2e-4;
+
+/// GPU images at fragile pixels: one Gaussian more or less at alpha = 1/255, and what lies behind
+/// a stop at T = 1e-4.
+pub const GPU_IMAGE_FRAGILE: f64 = 1e-2;
+
+/// The GPU against the reference cases, which may hold anything: image off fragile pixels and
+/// gradient, for ordinary cases and for needles.
+pub const GPU_REFERENCE: (f64, f64) = (1e-4, 1e-4);
+pub const GPU_REFERENCE_NEEDLE: (f64, f64) = (5e-4, 2e-3);
+
+/// Projected means, depths, conics and colours, relative L2 per column: a few dozen roundings,
+/// the ill-conditioned ones (conics of long splats) a hundred times as much.
+pub const GPU_PROJECTION: f64 = 1e-5;
+
+/// Losses and their gradients. Measured: 8e-8 and 4e-7.
+pub const GPU_LOSS: f64 = 1e-5;
+
+/// SSIM and the loss's gradient where a window is flat or a single pixel: variances are
+/// differences of moments, whose rounding (6e-8) meets C2 (9e-4) alone. Measured: 9e-5 and 7e-5.
+pub const GPU_LOSS_FLAT: f64 = 2e-4;
+
+/// Adam's moments and parameters after a few steps, relative L2: rounding of each step.
+pub const GPU_ADAM: f64 = 1e-5;
