@@ -40,7 +40,7 @@ pub fn train(
     for warning in &warnings {
         eprintln!("warning: {warning}");
     }
-    let config = &fitted(config, &gpu, start.len())?;
+    let config = &fitted(config, gpu, start.len())?;
     eprintln!(
         "{} Gaussians from {} points",
         start.len(),
