@@ -4,6 +4,7 @@ use std::path::Path;
 
 use gspotential::config::Config;
 use gspotential::gaussians::Gaussians;
+use gspotential::gpu::Gpu;
 use gspotential::pipeline::{self, Prepared, prepare};
 use gspotential::run::{LossSample, RunDir, Seconds};
 use gspotential::scene::builtin::{BuiltinOptions, scene};
