@@ -12,8 +12,13 @@ use crate::error::{Error, Result, read_file, write_file};
 /// How far `R^T R` may be from the identity, in any entry: files hold few digits.
 const ROTATION_TOLERANCE: f64 = 1e-3;
 
+/// Bound of focal lengths and principal points, pixels: larger ones mean nothing, and their
+/// squares would overflow in f32.
+const MAX_PIXELS: f64 = 1e9;
+
 /// One camera as 3DGS writes it; other keys are ignored.
 #[derive(Serialize, Deserialize)]
+#[serde(expecting = "an object that describes a camera")]
 struct Entry {
     #[serde(default)]
     id: u64,
@@ -108,6 +113,17 @@ impl Entry {
                 )));
             }
         }
+        let (cx, cy) = (
+            self.cx.unwrap_or(0.5 * f64::from(self.width)),
+            self.cy.unwrap_or(0.5 * f64::from(self.height)),
+        );
+        for (key, pixels) in [("fx", self.fx), ("fy", self.fy), ("cx", cx), ("cy", cy)] {
+            if pixels.abs() > MAX_PIXELS {
+                return Err(Error::new(format!(
+                    "{key} is {pixels:e} pixels, allowed are at most {MAX_PIXELS:e}"
+                )));
+            }
+        }
         let rotation = DMat3::from_cols_array_2d(&self.rotation);
         let product = rotation.transpose() * rotation - DMat3::IDENTITY;
         if product
@@ -130,8 +146,8 @@ impl Entry {
             height: self.height,
             fx: self.fx,
             fy: self.fy,
-            cx: self.cx.unwrap_or(0.5 * f64::from(self.width)),
-            cy: self.cy.unwrap_or(0.5 * f64::from(self.height)),
+            cx,
+            cy,
             rotation,
             translation,
         })

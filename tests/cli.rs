@@ -3,6 +3,8 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
+use crate::scene::build::{Folder, GOOD_PLY};
+
 fn run(folder: &Path, args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_gspotential"))
         .args(args)
@@ -203,4 +205,132 @@ fn output_below_a_file_is_refused() {
         1,
         &["file/run"],
     );
+}
+
+#[test]
+fn a_single_training_view_is_refused_with_the_paper_preset() {
+    let scene = Folder::with_views(&["a.png", "b.png", "c.png"]);
+    let folder = scene.path().to_str().expect("a path in UTF-8");
+    let args = ["train", "--scene", folder, "--train-views", "a.png"];
+    assert_fails(
+        &args,
+        1,
+        &["2 training views, there are 1", "--preset 3dgs"],
+    );
+}
+
+#[test]
+fn a_scene_that_cannot_be_loaded_leaves_no_run() {
+    let scene = Folder::with_views(&["a.png", "b.png", "c.png", "d.png"]);
+    scene.write("sparse/0/points3D.ply", &GOOD_PLY[..GOOD_PLY.len() - 10]);
+    let folder = scene.path().to_str().expect("a path in UTF-8");
+    assert_fails(&["train", "--scene", folder], 1, &["points3D.ply"]);
+}
+
+/// Where Vulkan is the only backend, a list of drivers that names none hides every adapter.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_missing_adapter_names_the_package_and_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_gspotential"))
+        .args(["train", "--scene", "builtin:16"])
+        .env("VK_ICD_FILENAMES", "/nonexistent.json")
+        .env("VK_DRIVER_FILES", "/nonexistent.json")
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert_eq!(stderr.lines().count(), 1, "{stderr}");
+    assert!(stderr.contains("mesa-vulkan-drivers"), "{stderr}");
+    // Else the same command would be refused once the driver is there.
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn render_refuses_what_is_no_model_and_no_camera() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("empty.ply", "");
+    let header = GOOD_PLY.replace("ascii", "binary_little_endian");
+    write("points.ply", &header);
+    write("config.json", r#"{"preset": "paper"}"#);
+    for (model, cameras, views, code, parts) in [
+        ("no.ply", "no.json", None, 1, &["no.ply"][..]),
+        ("empty.ply", "no.json", None, 1, &["empty.ply", "not a PLY"]),
+        ("points.ply", "no.json", None, 1, &["points.ply", "f_dc_0"]),
+        ("gaussian.ply", "no.json", None, 1, &["no.json"]),
+        ("gaussian.ply", "empty.ply", None, 1, &["empty.ply", "JSON"]),
+        (
+            "gaussian.ply",
+            "config.json",
+            None,
+            1,
+            &["config.json", "list of cameras"],
+        ),
+        (
+            "gaussian.ply",
+            "many.json",
+            Some("view_0"),
+            2,
+            &["`view_0`", "300 views", "view_1, "],
+        ),
+        ("gaussian.ply", "many.json", Some("train"), 2, &["--scene"]),
+        (
+            "gaussian.ply",
+            "many.json",
+            Some("virtual"),
+            1,
+            &["no camera"],
+        ),
+    ] {
+        let mut args = vec![
+            "render",
+            "--model",
+            model,
+            "--cameras",
+            cameras,
+            "--out",
+            "views",
+        ];
+        args.extend(views.iter().flat_map(|which| ["--views", which]));
+        write("gaussian.ply", &gaussian_ply());
+        write("many.json", &many_cameras());
+        assert_fails_in(folder.path(), &args, code, parts);
+        assert!(!folder.path().join("views").exists(), "{args:?}");
+    }
+    let args = [
+        "render",
+        "--model",
+        "gaussian.ply",
+        "--cameras",
+        "many.json",
+        "--out",
+        "v",
+    ];
+    let output = run(folder.path(), &[&args[..], &["--views", "nobody"]].concat());
+    let line = String::from_utf8_lossy(&output.stderr);
+    assert!(line.len() < 300, "lists all of them: {line}");
+}
+
+/// A model of no Gaussians: enough to get to the cameras.
+fn gaussian_ply() -> String {
+    let names =
+        "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+    let properties: String = names
+        .split(' ')
+        .map(|name| format!("property float {name}\n"))
+        .collect();
+    format!("ply\nformat binary_little_endian 1.0\nelement vertex 0\n{properties}end_header\n")
+}
+
+/// 300 cameras, from `view_1` on.
+fn many_cameras() -> String {
+    let camera = |i: usize| {
+        format!(
+            r#"{{"img_name": "view_{i}", "width": 8, "height": 8, "fx": 8, "fy": 8,
+            "position": [0, 0, {i}], "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}}"#
+        )
+    };
+    format!("[{}]", (1..=300).map(camera).collect::<Vec<_>>().join(","))
 }

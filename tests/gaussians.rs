@@ -560,6 +560,8 @@ fn bad_cameras_json_names_file_and_entry() {
     for (key, value, expected) in [
         ("fx", serde_json::Value::Null, "entry 1: "),
         ("fy", 0.0.into(), "fy is 0"),
+        ("fx", 1e300.into(), "fx is 1e300 pixels"),
+        ("cx", (-1e10).into(), "cx is -1e10 pixels"),
         ("width", 0.into(), "image size is 0x48"),
         ("width", (-3).into(), "entry 1: "),
         ("height", 5_000_000_000u64.into(), "entry 1: "),

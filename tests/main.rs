@@ -3,6 +3,7 @@
 mod architecture;
 mod builtin;
 mod cli;
+mod commands;
 mod config;
 mod field;
 mod gaussians;

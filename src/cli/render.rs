@@ -30,7 +30,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "cameras.json", group = "where")]
     cameras: Option<PathBuf>,
 
-    /// Views to render: `train`, `test`, `virtual` (with --cameras), or names separated by commas
+    /// Views to render: `train` or `test` (with --scene), `virtual`, or names separated by commas
     /// [default: a scene's test views, every camera of a file]
     #[arg(long, value_name = "WHICH")]
     views: Option<String>,

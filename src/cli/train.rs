@@ -7,6 +7,7 @@ use clap::Args;
 
 use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
+use crate::gpu::Gpu;
 use crate::pipeline;
 use crate::report::evaluation_table;
 use crate::run::RunDir;
@@ -91,6 +92,10 @@ impl TrainArgs {
             .out
             .unwrap_or_else(|| RunDir::default_path(&source.name(), &config));
         RunDir::check(&out, self.overwrite)?;
+        // Before anything takes time or is written: a machine without an adapter is told at once,
+        // and the same command works once it has one.
+        let gpu = Gpu::open()?;
+        eprintln!("adapter: {}", gpu.describe());
 
         let start = Instant::now();
         let scene = pipeline::load_scene(&source, &load_options(&config, self.train_views))?;
@@ -101,7 +106,7 @@ impl TrainArgs {
         }
 
         let run = RunDir::create(&out, &config, self.overwrite)?;
-        let evaluation = pipeline::train(&scene, &source, &config, load_s, &run)?;
+        let evaluation = pipeline::train(&gpu, &scene, &source, &config, load_s, &run)?;
         super::print(&evaluation_table(&run.name(), &evaluation))?;
         eprintln!("wrote {}", run.root().display());
         Ok(())

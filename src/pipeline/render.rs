@@ -17,6 +17,9 @@ use crate::run::file_names;
 use crate::scene::LoadOptions;
 use crate::views::virtual_views;
 
+/// Names of views that an error lists: a line of hundreds helps nobody.
+const MAX_LISTED: usize = 8;
+
 /// Renders a model; returns the number of images written.
 pub fn render(job: &RenderJob) -> Result<usize> {
     let config = Config::preset(PRESETS[0].0)?;
@@ -34,8 +37,10 @@ pub fn render(job: &RenderJob) -> Result<usize> {
         return Err(Error::new("no camera to render from")
             .way_out("name others with --views, or a scene that has test views"));
     }
-    create_dir(&job.out)?;
     let gpu = Gpu::open()?;
+    create_dir(&job.out)?;
+    eprintln!("adapter: {}", gpu.describe());
+    eprintln!("rendering {} views", cameras.len());
     let kernels = Kernels::new(&gpu);
     let gaussians = gaussians.to_canonical(&frame);
     let model = Model::upload(&gpu, &gaussians, gaussians.len())?;
@@ -121,9 +126,14 @@ fn named(names: &[String], cameras: &[Camera]) -> Result<Vec<Camera>> {
         .map(|name| {
             let found = cameras.iter().find(|camera| camera.name == *name);
             found.cloned().ok_or_else(|| {
-                let known: Vec<&str> = cameras.iter().map(|c| c.name.as_str()).collect();
-                Error::usage(format!("no view is named `{name}`"))
-                    .way_out(format!("the views are {}", known.join(", ")))
+                let mut known: Vec<&str> = cameras.iter().map(|c| c.name.as_str()).collect();
+                let n_known = known.len();
+                if n_known > MAX_LISTED {
+                    known.truncate(MAX_LISTED);
+                    known.push("...");
+                }
+                Error::usage(format!("no view is named `{}`", name.escape_debug()))
+                    .way_out(format!("the {n_known} views are {}", known.join(", ")))
             })
         })
         .collect()

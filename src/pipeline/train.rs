@@ -19,6 +19,7 @@ use crate::train::{self, Observer, TrainingView};
 /// Trains on `scene`, evaluates at its test views and writes all into `run`; `load_s` is how
 /// long loading took.
 pub fn train(
+    gpu: &Gpu,
     scene: &Scene,
     source: &SceneSource,
     config: &Config,
@@ -29,10 +30,6 @@ pub fn train(
         load: Some(load_s),
         ..Seconds::default()
     };
-    // Before anything takes time: a machine without an adapter is told at once.
-    let gpu = Gpu::open()?;
-    eprintln!("adapter: {}", gpu.describe());
-
     let Prepared {
         frame,
         virtual_cameras,
@@ -43,7 +40,7 @@ pub fn train(
     for warning in &warnings {
         eprintln!("warning: {warning}");
     }
-    let config = &fitted(config, &gpu, start.len())?;
+    let config = &fitted(config, gpu, start.len())?;
     eprintln!(
         "{} Gaussians from {} points",
         start.len(),
@@ -54,18 +51,17 @@ pub fn train(
     write_cameras(&run.cameras(), &all)?;
 
     let mut clock = Clock::start();
-    let kernels = Kernels::new(&gpu);
+    let kernels = Kernels::new(gpu);
     let mut log = Log {
         progress: Progress::new(config.iterations),
     };
-    let trained = train::train(&gpu, &kernels, &start, &supervision, config, &mut log)?;
+    let trained = train::train(gpu, &kernels, &start, &supervision, config, &mut log)?;
     log.progress.finish();
     seconds.train = Some(clock.lap());
     write_ply(&run.point_cloud(), &trained.gaussians, &frame)?;
 
     clock.lap();
-    let evaluation =
-        evaluate::measure((&gpu, &kernels), scene, &frame, config, run, seconds.train)?;
+    let evaluation = evaluate::measure((gpu, &kernels), scene, &frame, config, run, seconds.train)?;
     seconds.eval = Some(clock.lap());
     let names = |views: &[View]| views.iter().map(|view| view.camera.name.clone()).collect();
     run.write_metrics(&Metrics {

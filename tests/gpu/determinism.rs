@@ -4,6 +4,7 @@ use std::path::Path;
 
 use gspotential::config::Config;
 use gspotential::gaussians::Gaussians;
+use gspotential::gpu::Gpu;
 use gspotential::pipeline::{self, Prepared, prepare};
 use gspotential::run::{LossSample, RunDir, Seconds};
 use gspotential::scene::builtin::{BuiltinOptions, scene};
@@ -50,7 +51,15 @@ fn config() -> Config {
 fn run(scene: &Scene, root: &Path) -> (Vec<u8>, String, String) {
     let run = RunDir::create(root, &config(), false).expect("a fresh folder");
     let source = SceneSource::Builtin { width: WIDTH };
-    pipeline::train(scene, &source, &config(), 0.0, &run).expect("trains");
+    pipeline::train(
+        &Gpu::open().expect("an adapter"),
+        scene,
+        &source,
+        &config(),
+        0.0,
+        &run,
+    )
+    .expect("trains");
     let mut metrics = run.metrics().expect("written");
     metrics.seconds = Seconds::default();
     metrics.memory = Default::default();

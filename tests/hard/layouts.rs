@@ -206,7 +206,15 @@ fn a_test_view_that_is_a_training_view_is_evaluated_like_any_other() {
     let run = RunDir::create(&folder.path().join("run"), &config(60), false).expect("fresh");
     let source = SceneSource::Builtin { width: 48 };
     let _alone = context();
-    let evaluation = pipeline::train(&scene, &source, &config(60), 0.0, &run).expect("trains");
+    let evaluation = pipeline::train(
+        &gspotential::gpu::Gpu::open().expect("an adapter"),
+        &scene,
+        &source,
+        &config(60),
+        0.0,
+        &run,
+    )
+    .expect("trains");
     let psnr: Vec<f64> = evaluation.views.iter().filter_map(|v| v.psnr).collect();
     assert_eq!(psnr.len(), 2);
     assert!(psnr[1] > psnr[0], "{psnr:?}");

@@ -1,6 +1,6 @@
 //! Loading scenes from disk: every supported variant, every kind of bad input.
 
-mod build;
+pub mod build;
 mod cloud;
 mod images;
 mod model;
