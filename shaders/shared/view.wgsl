@@ -14,10 +14,9 @@ struct View {
     background: vec4f,
     // Image width and height in pixels, tiles across and down.
     size: vec4u,
-    // Number of Gaussians, their stride in planar buffers, 0, pair capacity.
+    // Number of Gaussians, their stride in planar buffers, 0, 0.
     counts: vec4u,
-    // x: pixels a plane of the padded image / 4, y: vec4s a row, z: this view's slot in the step,
-    // w: the step's number, kept where the pairs do not fit.
+    // x: pixels a plane of the padded image / 4, y: vec4s a row, z: this view's slot in the step.
     planes: vec4u,
 }
 

@@ -179,12 +179,6 @@ impl<'a> Commands<'a> {
         self.encoder.clear_buffer(&buffer.raw, 0, None);
     }
 
-    /// Copies `bytes` bytes between buffers' starts.
-    pub fn copy(&mut self, from: &Buffer, to: &Buffer, bytes: u64) {
-        self.encoder
-            .copy_buffer_to_buffer(&from.raw, 0, &to.raw, 0, bytes);
-    }
-
     pub fn submit(mut self) {
         if let Some(profile) = &self.profile {
             profile.resolve(&mut self.encoder);
