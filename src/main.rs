@@ -16,8 +16,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// Mesa's Vulkan layer for choosing a device asks the Wayland server, and where there is no
-/// session to have one it writes `error: XDG_RUNTIME_DIR is invalid` to stderr, twice, which
+/// Mesa's Vulkan layer for choosing a device asks the Wayland server, and where no desktop
+/// runs it writes `error: XDG_RUNTIME_DIR is invalid` to stderr, twice, which
 /// reads as if this program had failed. The layer's own variable switches it off.
 fn quiet_device_selection() {
     let is_set = |name: &str| std::env::var_os(name).is_some();

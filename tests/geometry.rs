@@ -77,3 +77,10 @@ impl Random {
         dvec3(draw(), draw(), draw())
     }
 }
+
+/// A path in a temporary folder of its own.
+pub fn scratch(name: &str) -> (tempfile::TempDir, std::path::PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    (folder, path)
+}

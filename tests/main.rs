@@ -2,11 +2,13 @@
 
 mod architecture;
 mod builtin;
+mod cameras_json;
 mod cli;
 mod commands;
 mod config;
 mod field;
 mod gaussians;
+mod gaussians_ply;
 mod geometry;
 mod gpu;
 mod hard;
