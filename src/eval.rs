@@ -26,14 +26,33 @@ pub fn render_views(
     config: &ModelConfig,
 ) -> Result<Vec<Image>> {
     let model = Model::upload(gpu, gaussians, gaussians.len())?;
-    let mut renderer = Renderer::new(gpu, kernels);
+    render_model(
+        &mut Renderer::new(gpu, kernels),
+        &model,
+        frame,
+        views,
+        config,
+    )
+}
+
+/// [`render_views`] of a model that is on the GPU already.
+///
+/// # Errors
+/// As [`render_views`].
+pub fn render_model(
+    renderer: &mut Renderer,
+    model: &Model,
+    frame: &Frame,
+    views: &[View],
+    config: &ModelConfig,
+) -> Result<Vec<Image>> {
     views
         .iter()
         .map(|view| {
             let camera = frame.camera_to_canonical(&view.camera);
             let uniform = ViewUniform::new(&camera, config.near, config.background);
             let rendered = renderer
-                .render(&model, &uniform)
+                .render(model, &uniform)
                 .map_err(|e| e.at(&camera.name))?;
             metrics::quantize(rendered.width, rendered.height, &rendered.rgb)
         })

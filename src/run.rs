@@ -15,7 +15,7 @@ mod record;
 
 pub use names::file_names;
 pub use record::{
-    Evaluation, ImageLoss, LossSample, Mean, Memory, Metrics, ModelSize, PlanCounts,
+    CurvePoint, Evaluation, ImageLoss, LossSample, Mean, Memory, Metrics, ModelSize, PlanCounts,
     PointSplatScore, PoseProtocol, SceneRecord, Seconds, ViewScore, mean, peak_host_bytes,
 };
 

@@ -63,6 +63,9 @@ fn every_help_explains_its_options_and_gives_examples() {
                 "--max-points",
                 "--seed",
                 "--train-views",
+                "--test-views",
+                "--cloud",
+                "--eval-every",
                 "--overwrite",
                 "[default: builtin]",
             ],
@@ -155,6 +158,13 @@ fn config_errors_exit_with_2_and_suggest() {
     );
     assert_fails(&["train", "--train-views", "a,b,a"], 2, &["`a` twice"]);
     assert_fails(&["train", "--train-views", "a,,b"], 2, &["empty name"]);
+    assert_fails(
+        &["train", "--test-views", "b,b"],
+        2,
+        &["--test-views", "`b`"],
+    );
+    assert_fails(&["train", "--cloud", "views:9"], 2, &["1 to 8"]);
+    assert_fails(&["train", "--eval-every", "0"], 2, &["--eval-every"]);
 
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("c.json"), r#"{"sede": 1}"#).unwrap();
@@ -170,6 +180,7 @@ fn missing_files_exit_with_1_and_are_named() {
         1,
         &["no/scene", "builtin"],
     );
+    assert_fails(&["train", "--cloud", "no.ply"], 1, &["no.ply"]);
     assert_fails(&["eval", "no/run"], 1, &["no/run", "config.json"]);
     let args = [
         "render", "--model", "a.ply", "--scene", "no/scene", "--out", "b",

@@ -10,7 +10,7 @@ use crate::gpu::Gpu;
 use crate::render::Kernels;
 use crate::report::{ContactSheet, write_png};
 use crate::run::{Evaluation, Metrics, RunDir, file_names};
-use crate::scene::{LoadOptions, Scene, SceneSource, View};
+use crate::scene::{LoadOptions, Scene, SceneSource};
 
 /// Renders the test views of a run from its model and measures them; writes `eval.json` and
 /// `test/` anew.
@@ -37,27 +37,20 @@ fn reload(config: &Config, metrics: &Metrics) -> Result<Scene> {
     let scene = load_scene(
         &source,
         &LoadOptions {
-            train_views: match source {
-                SceneSource::Folder(_) => Some(metrics.scene.train_views.clone()),
-                SceneSource::Builtin { .. } => None,
+            train_views: Some(metrics.scene.train_views.clone()),
+            test_views: Some(metrics.scene.test_views.clone()),
+            cloud: match &metrics.scene.cloud {
+                Some(cloud) => Some(cloud.parse()?),
+                None => None,
             },
-            max_width: config.scene.max_width_px,
-            max_size: config.scene.max_size_px,
-            n_train: config.scene.n_train,
-            n_test: config.scene.n_test,
+            ..LoadOptions::new(config)
         },
-    )?;
-    let names = |views: &[View]| -> Vec<String> {
-        views.iter().map(|view| view.camera.name.clone()).collect()
-    };
-    if names(&scene.test) != metrics.scene.test_views {
-        return Err(Error::new(format!(
-            "the test views of {} are no longer those of the run",
-            metrics.scene.source
-        ))
-        .way_out("restore the scene's images and split, or train again"));
-    }
-    Ok(scene)
+    );
+    // What is wrong is the scene, not the command.
+    scene.map_err(|e| {
+        Error::new(format!("the scene is no longer as it was trained on: {e}"))
+            .way_out("restore its files, or train again")
+    })
 }
 
 /// Measures the model in `run` at the test views of `scene` and writes what it finds.

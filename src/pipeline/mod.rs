@@ -1,11 +1,13 @@
 //! The stages in a row, as the commands call them.
 
 mod evaluate;
+mod job;
 mod prepare;
 mod render;
 mod train;
 
 pub use evaluate::evaluate;
+pub use job::TrainJob;
 pub use prepare::{Prepared, prepare};
 pub use render::render;
 pub use train::train;
@@ -14,9 +16,8 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use crate::camera::{Camera, Frame};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::field::Focus;
-use crate::scene::builtin::BuiltinOptions;
 use crate::scene::{self, LoadOptions, Scene, SceneSource, View};
 
 /// What `render` renders.
@@ -61,19 +62,7 @@ pub enum RenderFormat {
 pub fn load_scene(source: &SceneSource, options: &LoadOptions) -> Result<Scene> {
     match source {
         SceneSource::Folder(folder) => scene::load(folder, options),
-        SceneSource::Builtin { width } => {
-            if options.train_views.is_some() {
-                return Err(
-                    Error::usage("the built-in scene's training views are fixed")
-                        .way_out("leave --train-views out, or name a scene folder"),
-                );
-            }
-            Ok(scene::builtin::scene(&BuiltinOptions {
-                width: *width,
-                n_test: options.n_test,
-                ..BuiltinOptions::default()
-            }))
-        }
+        SceneSource::Builtin { width } => scene::load_builtin(*width, options),
     }
 }
 

@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::cloud::{clean, read_cloud};
+use super::builtin::{self, BuiltinOptions};
+use super::cloud::{clean, random_like, read_cloud};
 use super::decode::{Decoded, decode};
 use super::images::{PosedImage, match_images};
-use super::split::choose;
-use super::{LoadOptions, Scene, View, colmap};
+use super::split::{choose, regroup};
+use super::{CloudSource, LoadOptions, Scene, View, colmap};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 
@@ -20,7 +21,8 @@ pub(super) struct Layout {
     pub cameras: Vec<Camera>,
     /// Where the images are that the names are relative to.
     pub image_dir: PathBuf,
-    pub cloud: PathBuf,
+    /// The scene's own cloud, or the error that it has none.
+    pub cloud: Result<PathBuf>,
     /// Poses whose quaternion had to be normalised by more than rounding.
     pub n_unnormalized: usize,
 }
@@ -55,6 +57,10 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     }
     let matched = match_images(layout.cameras, &layout.image_dir, &mut warnings)?;
     let split = choose(dir, &matched, options, &mut warnings)?;
+    let cloud_path = match &options.cloud {
+        Some(CloudSource::File(path)) => path.clone(),
+        _ => layout.cloud?,
+    };
 
     // The cloud is read while the images are decoded; both are done before either may fail,
     // so that the error does not depend on which was faster.
@@ -65,7 +71,7 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         .map(|&i| &matched.views[i])
         .collect();
     let (cloud, decoded) = rayon::join(
-        || read_cloud(&layout.cloud),
+        || read_cloud(&cloud_path),
         || -> Vec<Result<Decoded>> { chosen.par_iter().map(|v| decode(v, options)).collect() },
     );
     let mut cloud = cloud?;
@@ -76,21 +82,21 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     let n_stored = cloud.len();
     clean(&mut cloud, &cameras, &mut warnings);
     if cloud.is_empty() {
-        return Err(Error::new(format!(
-            "the point cloud has no usable point ({n_stored} in the file)"
-        ))
-        .at_path(&layout.cloud)
-        .way_out("make the cloud again: training starts from it"));
+        return Err(no_point(&cloud_path, n_stored));
+    }
+    let random = options.cloud == Some(CloudSource::Random);
+    if random {
+        cloud = random_like(&cloud, options.seed);
     }
     Ok(Scene {
         name: folder_name(dir),
         source: format!(
-            "{}, cloud {}",
+            "{}, cloud {}{}",
             layout.source,
-            layout
-                .cloud
+            if random { "random as far as " } else { "" },
+            cloud_path
                 .strip_prefix(dir)
-                .unwrap_or(&layout.cloud)
+                .unwrap_or(&cloud_path)
                 .display()
         ),
         train,
@@ -98,6 +104,48 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         cloud,
         warnings,
     })
+}
+
+/// Makes the built-in scene `width` pixels wide, with the views and the cloud that are asked for.
+///
+/// # Errors
+///
+/// Views that it does not have, or a cloud file that cannot be used.
+pub fn load_builtin(width: u32, options: &LoadOptions) -> Result<Scene> {
+    let mut scene = builtin::scene(&BuiltinOptions {
+        width,
+        n_test: options.n_test,
+        cloud_views: match options.cloud {
+            Some(CloudSource::Views(n)) => n,
+            _ => BuiltinOptions::default().cloud_views,
+        },
+        ..BuiltinOptions::default()
+    });
+    match &options.cloud {
+        Some(CloudSource::File(path)) => {
+            let mut cloud = read_cloud(path)?;
+            let views = scene.train.iter().chain(&scene.test);
+            let cameras: Vec<Camera> = views.map(|view| view.camera.clone()).collect();
+            let n_stored = cloud.len();
+            clean(&mut cloud, &cameras, &mut scene.warnings);
+            if cloud.is_empty() {
+                return Err(no_point(path, n_stored));
+            }
+            scene.cloud = cloud;
+        }
+        Some(CloudSource::Random) => scene.cloud = random_like(&scene.cloud, options.seed),
+        Some(CloudSource::Views(_)) | None => {}
+    }
+    regroup(&mut scene, options)?;
+    Ok(scene)
+}
+
+fn no_point(path: &Path, n_stored: usize) -> Error {
+    Error::new(format!(
+        "the point cloud has no usable point ({n_stored} in the file)"
+    ))
+    .at_path(path)
+    .way_out("make the cloud again: training starts from it")
 }
 
 /// The views in order, or the first error in order.

@@ -19,7 +19,7 @@ use crate::error::{Error, Result, read_file};
 pub(super) use points::{read_points_binary, read_points_text};
 
 /// Where a model is looked for, in this order.
-const FOLDERS: [&str; 3] = ["sparse/0", "sparse", "0"];
+pub(super) const FOLDERS: [&str; 3] = ["sparse/0", "sparse", "0"];
 
 /// Names of COLMAP's camera models by their id in binary files.
 const MODELS: [&str; 12] = [
@@ -74,7 +74,7 @@ pub(super) fn read(dir: &Path) -> Result<Option<Layout>> {
             source: format!("{folder} ({kind})"),
             cameras: model.views,
             image_dir: dir.join("images"),
-            cloud: find_cloud(dir, &model_dir)?,
+            cloud: find_cloud(dir, &model_dir),
             n_unnormalized: model.n_unnormalized,
         }));
     }
