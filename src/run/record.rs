@@ -50,6 +50,16 @@ pub struct SceneRecord {
     pub pose_protocol: PoseProtocol,
 }
 
+/// What an unfinished run is asked for beyond its config.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JobRecord {
+    pub scene: SceneRecord,
+    /// Iterations between two points of the curve, where there is one.
+    pub eval_every: Option<u32>,
+    /// Iterations between two checkpoints, where stated.
+    pub checkpoint_every: Option<u32>,
+}
+
 /// How the test cameras came into the frame of the training cameras. Figures under different
 /// protocols do not compare.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -99,6 +99,10 @@ pub struct Optimizer {
 }
 
 impl Optimizer {
+    /// Starts from `model`.
+    ///
+    /// # Errors
+    /// More Gaussians than the adapter can hold.
     pub fn new(gpu: &Gpu, model: Model) -> Result<Optimizer> {
         let zeros = || Model::zeros(gpu, model.n, model.stride, model.sh_degree);
         Ok(Optimizer {
@@ -108,6 +112,14 @@ impl Optimizer {
             step: Buffer::uniform::<StepUniform>(gpu, "step"),
             model,
         })
+    }
+
+    /// Everything that a step changes: the blocks of the parameters, of the first and of the second
+    /// moment, and the statistics.
+    pub fn buffers(&self) -> Vec<&Buffer> {
+        let models = [&self.model, &self.first_moment, &self.second_moment];
+        let blocks = models.into_iter().flat_map(|m| &m.blocks[..n_blocks(m.sh_degree)]);
+        blocks.chain([&self.statistics]).collect()
     }
 
     /// Bind groups of the Adam dispatches for the gradients in `workspace`, by active SH degree
