@@ -6,7 +6,7 @@
 mod overlay;
 mod validate;
 
-pub use overlay::PRESETS;
+pub use overlay::{PRESETS, differing_keys};
 
 use serde::{Deserialize, Serialize};
 

@@ -71,6 +71,14 @@ impl Error {
         self
     }
 
+    /// [`Error::way_out`] where none is named yet.
+    pub fn or_way_out(self, way_out: impl Into<String>) -> Self {
+        match self.way_out {
+            None => self.way_out(way_out),
+            Some(_) => self,
+        }
+    }
+
     pub fn kind(&self) -> ErrorKind {
         self.kind
     }

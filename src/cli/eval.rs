@@ -33,7 +33,7 @@ impl EvalArgs {
         let runs = self
             .runs
             .iter()
-            .map(|root| RunDir::open(root))
+            .map(|root| RunDir::claim(root))
             .collect::<Result<Vec<_>>>()?;
         for run in &runs {
             let evaluation = pipeline::evaluate(run)?;

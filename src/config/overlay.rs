@@ -97,7 +97,8 @@ impl Config {
             .map_err(|e| Error::usage(format!("`{key}` cannot be {shown}: {e}")))
     }
 
-    fn tree(&self) -> Result<Value> {
+    /// The config as JSON.
+    pub fn tree(&self) -> Result<Value> {
         serde_json::to_value(self).map_err(|e| Error::new(format!("config: {e}")))
     }
 
@@ -173,6 +174,26 @@ fn list_keys(tree: &Value, prefix: &str, keys: &mut Vec<String>) {
         list_keys(value, &format!("{key}."), keys);
         keys.push(key);
     }
+}
+
+/// Dotted keys of the values in which two configs differ, as in ``iterations` (1 and 2)`.
+pub fn differing_keys(one: &Value, other: &Value) -> Vec<String> {
+    let mut keys = Vec::new();
+    list_keys(one, "", &mut keys);
+    list_keys(other, "", &mut keys);
+    keys.sort();
+    keys.dedup();
+    let shown = |tree: &Value, key: &str| match tree.pointer(&pointer(key)) {
+        // A section differs by its keys.
+        Some(Value::Object(_)) => String::new(),
+        Some(value) => value.to_string(),
+        None => "absent".to_owned(),
+    };
+    let pairs = keys.iter().map(|key| (key, shown(one, key), shown(other, key)));
+    pairs
+        .filter(|(_, a, b)| a != b)
+        .map(|(key, a, b)| format!("`{key}` ({a} and {b})"))
+        .collect()
 }
 
 /// JSON pointer of a dotted key; that of the empty key is the whole.

@@ -1,23 +1,25 @@
 //! Evaluation of a run at its scene's test views.
 
-use super::{focus_of, load_scene};
+use super::{TrainJob, focus_of};
 use crate::camera::Frame;
 use crate::config::Config;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::eval;
 use crate::gaussians::ply::read_ply;
 use crate::gpu::Gpu;
 use crate::render::Kernels;
 use crate::report::{ContactSheet, write_png};
-use crate::run::{Evaluation, Metrics, RunDir, file_names};
-use crate::scene::{LoadOptions, Scene, SceneSource};
+use crate::run::{Evaluation, RunDir, file_names};
+use crate::scene::Scene;
 
 /// Renders the test views of a run from its model and measures them; writes `eval.json` and
 /// `test/` anew.
 pub fn evaluate(run: &RunDir) -> Result<Evaluation> {
     let config = run.config()?;
     let metrics = run.metrics()?;
-    let scene = reload(&config, &metrics).map_err(|e| e.at_path(run.root()))?;
+    let scene = TrainJob::recorded(&metrics.scene, config.clone())
+        .and_then(|job| job.load_again())
+        .map_err(|e| e.at_path(run.root()))?;
     let (_, frame) = focus_of(&scene)?;
     let gpu = Gpu::open()?;
     let kernels = Kernels::new(&gpu);
@@ -29,28 +31,6 @@ pub fn evaluate(run: &RunDir) -> Result<Evaluation> {
         run,
         metrics.seconds.train,
     )
-}
-
-/// The scene as the run was trained on it.
-fn reload(config: &Config, metrics: &Metrics) -> Result<Scene> {
-    let source = metrics.scene.source.parse::<SceneSource>()?.resolved()?;
-    let scene = load_scene(
-        &source,
-        &LoadOptions {
-            train_views: Some(metrics.scene.train_views.clone()),
-            test_views: Some(metrics.scene.test_views.clone()),
-            cloud: match &metrics.scene.cloud {
-                Some(cloud) => Some(cloud.parse()?),
-                None => None,
-            },
-            ..LoadOptions::new(config)
-        },
-    );
-    // What is wrong is the scene, not the command.
-    scene.map_err(|e| {
-        Error::new(format!("the scene is no longer as it was trained on: {e}"))
-            .way_out("restore its files, or train again")
-    })
 }
 
 /// Measures the model in `run` at the test views of `scene` and writes what it finds.

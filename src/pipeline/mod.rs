@@ -2,12 +2,13 @@
 
 mod evaluate;
 mod job;
+mod keep;
 mod prepare;
 mod render;
 mod train;
 
 pub use evaluate::evaluate;
-pub use job::TrainJob;
+pub use job::{Resumed, TrainJob};
 pub use prepare::{Prepared, prepare};
 pub use render::render;
 pub use train::train;

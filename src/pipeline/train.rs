@@ -2,11 +2,12 @@
 
 use std::time::Instant;
 
+use super::keep::{Identity, Keeper, Log};
 use super::{Clock, Prepared, TrainJob, cameras, evaluate, prepare};
 use crate::camera::Frame;
 use crate::cameras_json::write_cameras;
 use crate::config::Config;
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::eval;
 use crate::gaussians::ply::write_ply;
 use crate::gpu::Gpu;
@@ -14,99 +15,170 @@ use crate::progress::Progress;
 use crate::render::{Kernels, Model, Renderer, most_gaussians};
 use crate::report::{ContactSheet, mask_image, write_png};
 use crate::run::{
-    CurvePoint, Evaluation, LossSample, Memory, Metrics, ModelSize, PoseProtocol, RunDir,
-    SceneRecord, Seconds, peak_host_bytes,
+    CurvePoint, Evaluation, JobRecord, LossSample, Memory, Metrics, ModelSize, PoseProtocol, RunDir,
+    SceneRecord, Seconds, Stop, peak_host_bytes,
 };
 use crate::scene::{Image, Scene, View};
-use crate::train::{self, Observer, TrainingView};
+use crate::train::{Observer, PlanRecord, Trained, Trainer, TrainingView};
 
 /// Trains on `scene`, which is `job`'s, evaluates at its test views and writes all into `run`;
-/// `load_s` is how long loading took.
+/// `load_s` is how long loading took. Goes on from the run's newest checkpoint, where there is
+/// one, and once more from there where the device is lost on the way.
 pub fn train(
     gpu: &Gpu,
     scene: &Scene,
     job: &TrainJob,
     load_s: f64,
     run: &RunDir,
+    stop: &Stop,
 ) -> Result<Evaluation> {
-    let config = &job.config;
     let mut seconds = Seconds {
         load: Some(load_s),
         ..Seconds::default()
     };
-    let Prepared {
-        frame,
-        virtual_cameras,
-        supervision,
-        start,
-        warnings,
-    } = prepare(scene, config, &mut seconds)?;
-    for warning in &warnings {
+    let record = record(scene, job);
+    run.write_job(&JobRecord {
+        scene: record.clone(),
+        eval_every: job.eval_every,
+        checkpoint_every: job.checkpoint_every,
+    })?;
+    let prepared = prepare(scene, &job.config, &mut seconds)?;
+    for warning in &prepared.warnings {
         eprintln!("warning: {warning}");
     }
-    let config = &fitted(config, gpu, start.len())?;
     eprintln!(
         "{} Gaussians from {} points",
-        start.len(),
+        prepared.start.len(),
         scene.cloud.len()
     );
-    write_virtual_sheet(run, &supervision.virtual_views)?;
+    write_virtual_sheet(run, &prepared.supervision.virtual_views)?;
+    let virtual_cameras = prepared.virtual_cameras.clone();
     let all = [cameras(&scene.train), cameras(&scene.test), virtual_cameras].concat();
     write_cameras(&run.cameras(), &all)?;
 
-    let mut clock = Clock::start();
-    let kernels = Kernels::new(gpu);
-    let mut log = Log {
-        progress: Progress::new(config.iterations),
-        curve: job.eval_every.map(|every| Curve {
-            every,
-            renderer: Renderer::new(gpu, &kernels),
-            views: &scene.test,
-            frame: &frame,
-            config,
-            points: Vec::new(),
-            seconds: 0.0,
-        }),
+    let task = Task {
+        scene,
+        record,
+        job,
+        prepared,
+        run,
+        stop,
     };
-    let trained = train::train(gpu, &kernels, &start, &supervision, config, &mut log)?;
-    log.progress.finish();
-    let (mut curve, curve_s) = log
-        .curve
-        .map_or((Vec::new(), 0.0), |c| (c.points, c.seconds));
-    seconds.train = Some(clock.lap() - curve_s);
-    write_ply(&run.point_cloud(), &trained.gaussians, &frame)?;
-
-    clock.lap();
-    let evaluation = evaluate::measure((gpu, &kernels), scene, &frame, config, run, seconds.train)?;
-    seconds.eval = Some(clock.lap() + curve_s);
-    if job.eval_every.is_some() {
-        curve.push(curve_point(config.iterations, &evaluation));
+    match task.attempt(gpu, seconds) {
+        Err(e) if e.kind() == ErrorKind::DeviceLost => {
+            eprintln!("warning: {e}; trying once more");
+            task.attempt(&Gpu::open()?, seconds)
+        }
+        outcome => outcome,
     }
+}
+
+/// All that training needs but the GPU.
+struct Task<'a> {
+    scene: &'a Scene,
+    record: SceneRecord,
+    job: &'a TrainJob,
+    prepared: Prepared,
+    run: &'a RunDir,
+    stop: &'a Stop,
+}
+
+impl Task<'_> {
+    /// Trains, evaluates and writes the results; `seconds` are those of the stages before.
+    fn attempt(&self, gpu: &Gpu, mut seconds: Seconds) -> Result<Evaluation> {
+        let Task {
+            scene,
+            job,
+            prepared,
+            run,
+            ..
+        } = self;
+        let kernels = Kernels::new(gpu);
+        let (trained, log) = self.train(gpu, &kernels)?;
+        seconds.train = Some(log.train_s);
+        write_ply(&run.point_cloud(), &trained.gaussians, &prepared.frame)?;
+
+        let mut clock = Clock::start();
+        let (config, frame) = (&job.config, &prepared.frame);
+        let evaluation =
+            evaluate::measure((gpu, &kernels), scene, frame, config, run, seconds.train)?;
+        seconds.eval = Some(clock.lap() + log.curve_s);
+        let mut curve = log.curve;
+        if job.eval_every.is_some() {
+            curve.push(curve_point(config.iterations, &evaluation));
+        }
+        gpu.check()?;
+        run.write_metrics(&Metrics {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            adapter: gpu.describe(),
+            seed: config.seed,
+            iterations: config.iterations,
+            scene: self.record.clone(),
+            seconds,
+            memory: Memory {
+                host_peak_bytes: peak_host_bytes(),
+                gpu_peak_bytes: Some(gpu.peak_bytes()),
+            },
+            loss: trained.samples,
+            model_size: model_sizes(prepared.start.len(), &trained.plans),
+            curve,
+        })?;
+        // Nothing is left to resume.
+        run.checkpoints().clear()?;
+        Ok(evaluation)
+    }
+
+    /// All iterations that are left.
+    fn train(&self, gpu: &Gpu, kernels: &Kernels) -> Result<(Trained, Log)> {
+        let Task {
+            scene,
+            job,
+            prepared,
+            run,
+            stop,
+            ..
+        } = self;
+        let config = &fitted(&job.config, gpu, prepared.start.len())?;
+        let identity = Identity::new(gpu, &job.config, scene, prepared)?;
+        let mut keeper = Keeper::new(run, stop, identity, job.checkpoint_every, config.iterations);
+        let (start, supervision) = (&prepared.start, &prepared.supervision);
+        let clock = Instant::now();
+        let mut trainer = Trainer::new(gpu, kernels, start, supervision, config)?;
+        let log = keeper.resume(&mut trainer)?;
+        let mut watch = Watch {
+            progress: Progress::new(config.iterations).from(trainer.state().done),
+            curve: job.eval_every.map(|every| Curve {
+                every,
+                renderer: Renderer::new(gpu, kernels),
+                views: &scene.test,
+                frame: &prepared.frame,
+                config,
+            }),
+            keeper,
+            before_s: log.train_s + log.curve_s,
+            clock,
+            log,
+        };
+        let gentle = stop.gentle();
+        let trained = trainer.run(&mut watch);
+        drop(gentle);
+        watch.log.train_s = watch.train_s();
+        watch.progress.finish();
+        Ok((trained?, watch.log))
+    }
+}
+
+fn record(scene: &Scene, job: &TrainJob) -> SceneRecord {
     let names = |views: &[View]| views.iter().map(|view| view.camera.name.clone()).collect();
-    run.write_metrics(&Metrics {
-        version: env!("CARGO_PKG_VERSION").to_owned(),
-        adapter: gpu.describe(),
-        seed: config.seed,
-        iterations: config.iterations,
-        scene: SceneRecord {
-            source: job.source.to_string(),
-            cloud: job.cloud.as_ref().map(ToString::to_string),
-            name: scene.name.clone(),
-            train_views: names(&scene.train),
-            test_views: names(&scene.test),
-            n_points: scene.cloud.len(),
-            pose_protocol: PoseProtocol::SharedFrame,
-        },
-        seconds,
-        memory: Memory {
-            host_peak_bytes: peak_host_bytes(),
-            gpu_peak_bytes: Some(gpu.peak_bytes()),
-        },
-        loss: trained.samples,
-        model_size: model_sizes(start.len(), &trained.plans),
-        curve,
-    })?;
-    Ok(evaluation)
+    SceneRecord {
+        source: job.source.to_string(),
+        cloud: job.cloud.as_ref().map(ToString::to_string),
+        name: scene.name.clone(),
+        train_views: names(&scene.train),
+        test_views: names(&scene.test),
+        n_points: scene.cloud.len(),
+        pose_protocol: PoseProtocol::SharedFrame,
+    }
 }
 
 /// The config with its cap on Gaussians lowered to what the adapter can bind.
@@ -154,7 +226,7 @@ fn write_virtual_sheet(run: &RunDir, views: &[TrainingView]) -> Result<()> {
     write_png(&run.virtual_sheet(), &sheet.finish())
 }
 
-fn model_sizes(start: usize, plans: &[train::PlanRecord]) -> Vec<ModelSize> {
+fn model_sizes(start: usize, plans: &[PlanRecord]) -> Vec<ModelSize> {
     let first = ModelSize {
         iteration: 0,
         n_gaussians: start,
@@ -168,10 +240,22 @@ fn model_sizes(start: usize, plans: &[train::PlanRecord]) -> Vec<ModelSize> {
     std::iter::once(first).chain(rest).collect()
 }
 
-/// Shows the training's progress, and measures on the way where a curve is asked for.
-struct Log<'a> {
+/// Shows the training's progress, keeps its state, and measures on the way where a curve is asked
+/// for.
+struct Watch<'a> {
     progress: Progress,
     curve: Option<Curve<'a>>,
+    keeper: Keeper<'a>,
+    /// Training and curve before `clock`.
+    before_s: f64,
+    clock: Instant,
+    log: Log,
+}
+
+impl Watch<'_> {
+    fn train_s(&self) -> f64 {
+        self.before_s + self.clock.elapsed().as_secs_f64() - self.log.curve_s
+    }
 }
 
 /// Errors at the test views every so many iterations. The last iteration's are those of the
@@ -182,9 +266,6 @@ struct Curve<'a> {
     views: &'a [View],
     frame: &'a Frame,
     config: &'a Config,
-    points: Vec<CurvePoint>,
-    /// Time spent here, which is not training's.
-    seconds: f64,
 }
 
 fn curve_point(iteration: u32, evaluation: &Evaluation) -> CurvePoint {
@@ -196,7 +277,7 @@ fn curve_point(iteration: u32, evaluation: &Evaluation) -> CurvePoint {
     }
 }
 
-impl Observer for Log<'_> {
+impl Observer for Watch<'_> {
     fn inspects(&self, done: u32) -> bool {
         let due = |c: &Curve| done.is_multiple_of(c.every) && done < c.config.iterations;
         self.curve.as_ref().is_some_and(due)
@@ -210,13 +291,22 @@ impl Observer for Log<'_> {
         let (views, config) = (curve.views, &curve.config.model);
         let renders = eval::render_model(&mut curve.renderer, model, curve.frame, views, config)?;
         let evaluation = eval::score(&renders, views, model.n, None)?;
-        curve.points.push(curve_point(done, &evaluation));
-        curve.seconds += start.elapsed().as_secs_f64();
+        self.log.curve.push(curve_point(done, &evaluation));
+        self.log.curve_s += start.elapsed().as_secs_f64();
         Ok(())
     }
 
     fn look(&mut self, sample: &LossSample, n_gaussians: usize) {
         self.progress
             .update(sample.iteration, sample.loss, n_gaussians);
+    }
+
+    fn keeps(&self, done: u32) -> bool {
+        self.keeper.is_due(done)
+    }
+
+    fn keep(&mut self, trainer: &Trainer<'_>) -> Result<()> {
+        self.log.train_s = self.train_s();
+        self.keeper.keep(trainer, &self.log)
     }
 }
