@@ -6,6 +6,7 @@ mod cameras_json;
 mod cli;
 mod commands;
 mod config;
+mod faults;
 mod field;
 mod gaussians;
 mod gaussians_ply;

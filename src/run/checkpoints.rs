@@ -20,7 +20,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::remove;
-use crate::error::{Error, PART, Result, create_dir, read_file, write_parts};
+use crate::error::{Error, PART, Result, read_file, write_parts};
 
 const MAGIC: &[u8; 8] = b"gspckpt\0";
 /// Rises when a file's layout or what the payload holds changes.
@@ -48,7 +48,8 @@ pub struct Found<H> {
 }
 
 impl Checkpoints {
-    /// Those in `folder`, which need not exist.
+    /// Those in `folder`, which exists when one is saved: who removes a run's folder does not want
+    /// it back.
     pub fn new(folder: PathBuf) -> Checkpoints {
         Checkpoints { folder }
     }
@@ -68,7 +69,6 @@ impl Checkpoints {
         header: &impl Serialize,
         payload: impl Iterator<Item = Result<Vec<u8>>>,
     ) -> Result<()> {
-        create_dir(&self.folder)?;
         // Ten digits hold any number of iterations: the order of names is theirs.
         let path = self.folder.join(format!("{done:010}.{EXTENSION}"));
         let header = serde_json::to_vec(header).map_err(|e| Error::new(e.to_string()))?;
