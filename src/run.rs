@@ -20,11 +20,12 @@ mod stop;
 
 pub use checkpoints::{Checkpoints, Found};
 pub use names::file_names;
-pub use stop::{Gentle, Stop};
 pub use record::{
-    CurvePoint, Evaluation, ImageLoss, JobRecord, LossSample, Mean, Memory, Metrics, ModelSize, PlanCounts,
-    PointSplatScore, PoseProtocol, SceneRecord, Seconds, ViewScore, mean, peak_host_bytes,
+    CurvePoint, Evaluation, ImageLoss, JobRecord, LossSample, Mean, Memory, Metrics, ModelSize,
+    PlanCounts, PointSplatScore, PoseProtocol, SceneRecord, Seconds, ViewScore, mean,
+    peak_host_bytes,
 };
+pub use stop::{Gentle, Stop};
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -108,7 +108,10 @@ impl TrainArgs {
             return match TrainJob::resume(root, checkpoint_every)? {
                 Resumed::Trained(run, evaluation) => report(&run, &evaluation),
                 Resumed::WasFinished(run) => {
-                    eprintln!("{} is finished; nothing is left to do", run.root().display());
+                    eprintln!(
+                        "{} is finished; nothing is left to do",
+                        run.root().display()
+                    );
                     Ok(())
                 }
             };

@@ -189,7 +189,9 @@ pub fn differing_keys(one: &Value, other: &Value) -> Vec<String> {
         Some(value) => value.to_string(),
         None => "absent".to_owned(),
     };
-    let pairs = keys.iter().map(|key| (key, shown(one, key), shown(other, key)));
+    let pairs = keys
+        .iter()
+        .map(|key| (key, shown(one, key), shown(other, key)));
     pairs
         .filter(|(_, a, b)| a != b)
         .map(|(key, a, b)| format!("`{key}` ({a} and {b})"))

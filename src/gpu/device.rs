@@ -93,9 +93,7 @@ impl Gpu {
 
     /// Largest buffer that a kernel can bind, bytes.
     pub fn max_binding(&self) -> u64 {
-        self.limits
-            .max_storage_buffer_binding_size
-            .min(self.limits.max_buffer_size)
+        binding_limit(&self.limits)
     }
 
     /// Most bytes that this program's buffers have held at one time.
@@ -151,7 +149,10 @@ impl Gpu {
     /// [`Gpu::check`] for memory alone.
     pub(super) fn check_memory(&self) -> Result<()> {
         let mut faults = locked(&self.faults);
-        match faults.first.take_if(|e| matches!(e, wgpu::Error::OutOfMemory { .. })) {
+        match faults
+            .first
+            .take_if(|e| matches!(e, wgpu::Error::OutOfMemory { .. }))
+        {
             Some(_) => Err(self.out_of_memory()),
             None => Ok(()),
         }
@@ -159,17 +160,37 @@ impl Gpu {
 
     fn out_of_memory(&self) -> Error {
         let held = self.allocated.load(Ordering::Relaxed);
-        Error::new(format!("out of GPU memory with {} in buffers", mebibytes(held)))
-            .at(&self.info.name)
-            .way_out(
-                "close what else uses the GPU, or use fewer Gaussians (`--max-points`, \
+        Error::new(format!(
+            "out of GPU memory with {} in buffers",
+            mebibytes(held)
+        ))
+        .at(&self.info.name)
+        .way_out(
+            "close what else uses the GPU, or use fewer Gaussians (`--max-points`, \
                  `--set densify.max_gaussians=N`) or smaller images (`--max-size`)",
-            )
+        )
     }
 
     fn fault(&self, what: &str) -> Error {
         Error::new(format!("GPU fault: {}", one_line(what))).at(&self.info.name)
     }
+}
+
+/// Largest buffer that a kernel can bind under `limits`, bytes. Never 2^32 or more, whatever the
+/// adapter can do: counts and indices in shaders are `u32`.
+pub fn binding_limit(limits: &wgpu::Limits) -> u64 {
+    limits
+        .max_storage_buffer_binding_size
+        .min(limits.max_buffer_size)
+        .min(u64::from(u32::MAX).next_multiple_of(16) - 16)
+}
+
+/// A count of a buffer's entries for a shader.
+///
+/// # Panics
+/// From 2^32 on, which no buffer holds ([`binding_limit`]): a fault in this program.
+pub fn shader_count(n: usize) -> u32 {
+    u32::try_from(n).unwrap_or_else(|_| panic!("{n} entries are in no buffer"))
 }
 
 fn one_line(text: &str) -> String {

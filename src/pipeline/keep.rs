@@ -40,7 +40,11 @@ impl Identity {
             sums.insert(name, crc32fast::hash(&view.image.rgb));
         }
         Ok(Identity {
-            made_by: format!("version {} on {}", env!("CARGO_PKG_VERSION"), gpu.describe()),
+            made_by: format!(
+                "version {} on {}",
+                env!("CARGO_PKG_VERSION"),
+                gpu.describe()
+            ),
             config: config.tree()?,
             scene: sums,
         })
@@ -146,12 +150,17 @@ impl<'a> Keeper<'a> {
             payload,
             warnings,
         } = found;
-        let warning = self.identity.admit(&header.identity).map_err(|e| e.at_path(&path))?;
+        let warning = self
+            .identity
+            .admit(&header.identity)
+            .map_err(|e| e.at_path(&path))?;
         for warning in warnings.iter().chain(&warning) {
             eprintln!("warning: {warning}");
         }
         let done = header.state.done;
-        trainer.restore(header.state, &payload).map_err(|e| e.at_path(&path))?;
+        trainer
+            .restore(header.state, &payload)
+            .map_err(|e| e.at_path(&path))?;
         eprintln!("going on after iteration {done} of {}", self.iterations);
         Ok(header.log)
     }
@@ -175,7 +184,10 @@ impl<'a> Keeper<'a> {
             state,
             log: log.clone(),
         };
-        let saved = self.run.checkpoints().save(done, &header, trainer.buffers());
+        let saved = self
+            .run
+            .checkpoints()
+            .save(done, &header, trainer.buffers());
         saved.map_err(|e| e.or_way_out(self.way_back()))?;
         self.last = Instant::now();
         self.cost = self.last - start;
@@ -187,6 +199,9 @@ impl<'a> Keeper<'a> {
     }
 
     fn way_back(&self) -> String {
-        format!("go on with `gspotential train --resume {}`", self.run.root().display())
+        format!(
+            "go on with `gspotential train --resume {}`",
+            self.run.root().display()
+        )
     }
 }

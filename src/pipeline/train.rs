@@ -15,8 +15,8 @@ use crate::progress::Progress;
 use crate::render::{Kernels, Model, Renderer, most_gaussians};
 use crate::report::{ContactSheet, mask_image, write_png};
 use crate::run::{
-    CurvePoint, Evaluation, JobRecord, LossSample, Memory, Metrics, ModelSize, PoseProtocol, RunDir,
-    SceneRecord, Seconds, Stop, peak_host_bytes,
+    CurvePoint, Evaluation, JobRecord, LossSample, Memory, Metrics, ModelSize, PoseProtocol,
+    RunDir, SceneRecord, Seconds, Stop, peak_host_bytes,
 };
 use crate::scene::{Image, Scene, View};
 use crate::train::{Observer, PlanRecord, Trained, Trainer, TrainingView};

@@ -140,7 +140,9 @@ impl Checkpoints {
     /// From the oldest on.
     fn files(&self) -> Result<Vec<PathBuf>> {
         let is_ours = |name: &str| {
-            let stem = name.strip_suffix(EXTENSION).and_then(|s| s.strip_suffix('.'));
+            let stem = name
+                .strip_suffix(EXTENSION)
+                .and_then(|s| s.strip_suffix('.'));
             stem.is_some_and(|s| s.len() == 10 && s.bytes().all(|b| b.is_ascii_digit()))
         };
         self.files_named(is_ours)

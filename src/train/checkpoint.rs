@@ -13,7 +13,7 @@ use super::optimizer::Optimizer;
 use super::trainer::{PlanRecord, Supervision, Trainer, TrainingView};
 use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
-use crate::render::{BLOCK_PLANES, Model, n_blocks};
+use crate::render::{BLOCK_PLANES, Model, most_gaussians, n_blocks};
 use crate::run::LossSample;
 
 /// A state but for the optimizer's buffers, which are large.
@@ -66,15 +66,23 @@ impl Trainer<'_> {
     /// row.
     ///
     /// # Errors
-    /// Not the number of bytes that the state has, or more than the adapter can hold.
+    /// A state of another model, not its number of bytes, or more than the adapter can hold.
     pub fn restore(&mut self, state: State, buffers: &[u8]) -> Result<()> {
-        let lens = state.buffer_lens();
+        let fits = state.n_gaussians <= state.stride
+            && state.stride <= most_gaussians(self.gpu, state.sh_degree)
+            && state.sh_degree == self.optimizer.model.sh_degree;
+        let lens = if fits {
+            state.buffer_lens()
+        } else {
+            Vec::new()
+        };
         let expected = 16 * lens.iter().sum::<usize>();
-        if buffers.len() != expected || state.n_gaussians > state.stride {
+        if !fits || buffers.len() != expected {
             return Err(Error::new(format!(
-                "the state of {} Gaussians has {expected} bytes, not {}",
+                "{} bytes are no state of {} Gaussians of SH degree {} that the adapter holds",
+                buffers.len(),
                 state.n_gaussians,
-                buffers.len()
+                state.sh_degree,
             )));
         }
         let (n, stride) = (state.n_gaussians, state.stride);
@@ -98,7 +106,10 @@ pub fn fingerprint(supervision: &Supervision, start: &Gaussians) -> BTreeMap<Str
     let mut parts = BTreeMap::new();
     for view in supervision.real.iter().chain(&supervision.virtual_views) {
         let name = &view.camera.name;
-        parts.insert(format!("image of `{name}`"), sum(&[bytemuck::cast_slice(&view.goal)]));
+        parts.insert(
+            format!("image of `{name}`"),
+            sum(&[bytemuck::cast_slice(&view.goal)]),
+        );
         parts.insert(format!("camera of `{name}`"), camera_sum(view));
     }
     let cloud = [

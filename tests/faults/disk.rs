@@ -16,7 +16,9 @@ fn in_own_mounts(place: &Place, script: &str) -> bool {
         command.args(["--mount", "--map-root-user", "sh", "-euc", script]);
         command
     };
-    let probe = unshare("mount -t tmpfs none /mnt").stderr(Stdio::null()).status();
+    let probe = unshare("mount -t tmpfs none /mnt")
+        .stderr(Stdio::null())
+        .status();
     if !probe.is_ok_and(|status| status.success()) {
         println!("not tried: nothing can be mounted here");
         return false;
@@ -59,7 +61,11 @@ fn a_full_disk_stops_the_training_and_room_lets_it_go_on() {
         ! ls run/checkpoints/*.part
         mount -o remount,size=64m ../disk; $G train --resume run; cp -r run ..";
     if in_own_mounts(&place, script) {
-        let parts = ["No space left on device", ".ckpt", "gspotential train --resume run"];
+        let parts = [
+            "No space left on device",
+            ".ckpt",
+            "gspotential train --resume run",
+        ];
         assert_failed(&place, "log", &parts);
         assert!(place.result() == undisturbed());
     }
@@ -75,7 +81,11 @@ fn a_folder_that_turns_read_only_stops_the_training_and_keeps_the_last_checkpoin
         code=0; $G train --resume run 2>log2 || code=$?; [ $code = 1 ]
         umount run; $G train --resume run";
     if in_own_mounts(&place, script) {
-        let parts = ["Read-only file system", ".ckpt", "gspotential train --resume run"];
+        let parts = [
+            "Read-only file system",
+            ".ckpt",
+            "gspotential train --resume run",
+        ];
         assert_failed(&place, "log", &parts);
         assert_failed(&place, "log2", &["Read-only file system"]);
         assert!(place.result() == undisturbed());
@@ -90,7 +100,12 @@ fn results_that_cannot_be_written_are_written_by_a_resumed_run() {
     fs::create_dir(place.at("run/point_cloud.ply")).expect("a folder");
     let log = ended(child, 1);
     assert!(log.contains("point_cloud.ply: cannot write"), "{log}");
-    assert!(place.checkpoints().iter().any(|path| path.ends_with("0000000060.ckpt")));
+    assert!(
+        place
+            .checkpoints()
+            .iter()
+            .any(|path| path.ends_with("0000000060.ckpt"))
+    );
     fs::remove_dir(place.at("run/point_cloud.ply")).expect("removed");
     place.run("train --resume run", 0);
     assert!(place.result() == undisturbed());
@@ -134,7 +149,10 @@ fn a_write_without_room_names_the_file_and_leaves_the_old_one() {
     let neighbor = folder.path().join("metrics.json.part");
     std::os::unix::fs::symlink("/dev/full", &neighbor).expect("a link");
     let error = write_file(&path, b"new").unwrap_err().to_string();
-    assert!(error.contains("metrics.json: cannot write: No space left"), "{error}");
+    assert!(
+        error.contains("metrics.json: cannot write: No space left"),
+        "{error}"
+    );
     assert_eq!(fs::read(&path).expect("a file"), b"old");
     assert!(!neighbor.is_symlink(), "the neighbour is left");
     write_file(&path, b"new").expect("there is room again");

@@ -57,10 +57,17 @@ fn memory_that_runs_out_is_named_with_sizes_and_the_run_goes_on_from_its_checkpo
     let _alone = context();
     let folder = tempfile::tempdir().expect("a folder");
     let root = folder.path().join("run");
-    let error = train_with(&root, |gpu| gpu.limit_memory(1 << 20)).err().expect("a fault");
+    let error = train_with(&root, |gpu| gpu.limit_memory(1 << 20))
+        .err()
+        .expect("a fault");
     let text = error.to_string();
     assert_eq!(error.exit_code(), 1);
-    for part in ["buffer `", " MiB", "out of GPU memory with ", "--max-points"] {
+    for part in [
+        "buffer `",
+        " MiB",
+        "out of GPU memory with ",
+        "--max-points",
+    ] {
         assert!(text.contains(part), "no `{part}` in: {text}");
     }
     assert!(!root.join("metrics.json").exists());
@@ -76,7 +83,8 @@ fn a_lost_device_is_an_error_wherever_it_is_met() {
     let kernels = Kernels::new(&gpu);
     let job = job();
     let scene = job.load().expect("a scene");
-    let prepared = pipeline::prepare(&scene, &job.config, &mut Default::default()).expect("a sphere");
+    let prepared =
+        pipeline::prepare(&scene, &job.config, &mut Default::default()).expect("a sphere");
     let buffer = Buffer::storage_from(&gpu, "four", &[1_u32; 4]).expect("fits");
     gpu.device.destroy();
     let config = &job.config.model;
@@ -87,12 +95,16 @@ fn a_lost_device_is_an_error_wherever_it_is_met() {
         buffer.read::<u32>(&gpu, 4).map(drop),
         gpu.check(),
         model.and_then(|model| model.download(&gpu)).map(drop),
-        gspotential::eval::render_views(&gpu, &kernels, &prepared.start, frame, views, config).map(drop),
+        gspotential::eval::render_views(&gpu, &kernels, &prepared.start, frame, views, config)
+            .map(drop),
     ];
     for (i, outcome) in outcomes.into_iter().enumerate() {
         let error = outcome.err().unwrap_or_else(|| panic!("{i}: no error"));
         assert_eq!(error.kind(), ErrorKind::DeviceLost, "{i}: {error}");
-        assert!(error.to_string().contains("the GPU is lost"), "{i}: {error}");
+        assert!(
+            error.to_string().contains("the GPU is lost"),
+            "{i}: {error}"
+        );
     }
 }
 
@@ -105,8 +117,11 @@ fn a_command_that_is_not_valid_is_an_error_at_the_next_wait() {
         usage: wgpu::BufferUsages::STORAGE,
         mapped_at_creation: false,
     };
-    ctx.gpu.device.create_buffer(&oversized);
+    let _unusable = ctx.gpu.device.create_buffer(&oversized);
     let error = ctx.gpu.wait().expect_err("a fault").to_string();
-    assert!(error.contains("GPU fault") && error.contains("oversized"), "{error}");
+    assert!(
+        error.contains("GPU fault") && error.contains("oversized"),
+        "{error}"
+    );
     ctx.gpu.wait().expect("it is told once");
 }

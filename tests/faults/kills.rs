@@ -106,7 +106,10 @@ fn ctrl_c_and_sigterm_save_the_state_and_say_how_to_go_on() {
         let log = ended(child, 130);
         let (_, message) = log.rsplit_once("stopped: after iteration ").expect(&log);
         let (done, way_out) = message.split_once(" of 1000000; ").expect(&log);
-        assert_eq!(way_out.trim(), "go on with `gspotential train --resume run`");
+        assert_eq!(
+            way_out.trim(),
+            "go on with `gspotential train --resume run`"
+        );
         let last = newest().expect("a checkpoint");
         assert!(last.ends_with(format!("{done:0>10}.ckpt")), "{last:?}");
         (done.parse().expect("a number"), log)
@@ -114,7 +117,10 @@ fn ctrl_c_and_sigterm_save_the_state_and_say_how_to_go_on() {
     let (first, _) = stop(&endless_train("--checkpoint-every 20"), "INT");
     let (second, log) = stop("train --resume run", "TERM");
     assert!(second > first, "{first}, {second}");
-    assert!(log.contains(&format!("going on after iteration {first} of")), "{log}");
+    assert!(
+        log.contains(&format!("going on after iteration {first} of")),
+        "{log}"
+    );
     assert_eq!(place.checkpoints().len(), 2);
     assert!(!place.at("run/metrics.json").exists());
 }

@@ -9,18 +9,30 @@ fn a_second_process_on_one_run_is_refused_until_the_first_is_gone_however_it_wen
     wait_until("there is a checkpoint", || !place.checkpoints().is_empty());
     for args in [&train("--overwrite"), "train --resume run", "eval run"] {
         let log = place.run(args, 1);
-        assert!(log.contains("run: another gspotential is at work"), "{args}: {log}");
+        assert!(
+            log.contains("run: another gspotential is at work"),
+            "{args}: {log}"
+        );
     }
     let log = place.run(&train(""), 1);
-    assert!(log.contains("--overwrite") && log.contains("--resume"), "{log}");
-    assert!(first.try_wait().expect("a status").is_none(), "the first has ended");
+    assert!(
+        log.contains("--overwrite") && log.contains("--resume"),
+        "{log}"
+    );
+    assert!(
+        first.try_wait().expect("a status").is_none(),
+        "the first has ended"
+    );
     first.kill().expect("killed");
     first.wait().expect("ended");
     // The file is still there, its lock is not.
     assert!(place.at("run/.lock").exists());
     place.run(&train("--overwrite"), 0);
     let log = place.run("train --resume run", 0);
-    assert!(log.contains("run is finished; nothing is left to do"), "{log}");
+    assert!(
+        log.contains("run is finished; nothing is left to do"),
+        "{log}"
+    );
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! What goes wrong around a training: processes that are killed, disks that are full, devices that
 //! are lost, a second process. Nothing that was written is lost, and nothing false is written.
 
+mod counts;
 mod disk;
 mod gpu;
 mod kills;
@@ -26,7 +27,7 @@ const SETTINGS: [&str; 14] = [
     "scene.n_test=1",
     "field.n_candidates=128",
     "views.count=5",
-    "model.sh_interval=15",
+    "model.sh_interval=10",
     "densify.start=5",
     "densify.end=55",
     "densify.interval=10",
@@ -52,7 +53,9 @@ fn endless_train(more: &str) -> String {
 /// The same training as a job.
 fn job() -> TrainJob {
     let paper = Config::preset("paper").expect("a preset");
-    let config = SETTINGS.iter().try_fold(paper, |config, setting| config.set(setting));
+    let config = SETTINGS
+        .iter()
+        .try_fold(paper, |config, setting| config.set(setting));
     let source = SceneSource::Builtin { width: 32 };
     TrainJob {
         eval_every: Some(CURVE),
@@ -147,7 +150,8 @@ impl Outcome {
     fn of(run: &Path) -> Outcome {
         let read = |name: &str| fs::read(run.join(name)).expect("a result");
         let json = |name: &str| serde_json::from_slice(&read(name)).expect("JSON");
-        let (mut metrics, mut evaluation): (Value, Value) = (json("metrics.json"), json("eval.json"));
+        let (mut metrics, mut evaluation): (Value, Value) =
+            (json("metrics.json"), json("eval.json"));
         for key in ["seconds", "memory"] {
             metrics[key] = Value::Null;
         }

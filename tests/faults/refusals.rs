@@ -35,8 +35,14 @@ fn stopped(scene: &Folder, root: &Path) {
     let gpu = Gpu::open().expect("an adapter");
     let loaded = job.load().expect("a scene");
     let error = pipeline::train(&gpu, &loaded, &job, 0.0, &run, &stop).unwrap_err();
-    assert_eq!((error.kind(), error.exit_code()), (ErrorKind::Interrupted, 130));
-    assert!(error.to_string().starts_with("after iteration 1 of 20; "), "{error}");
+    assert_eq!(
+        (error.kind(), error.exit_code()),
+        (ErrorKind::Interrupted, 130)
+    );
+    assert!(
+        error.to_string().starts_with("after iteration 1 of 20; "),
+        "{error}"
+    );
 }
 
 #[track_caller]
@@ -65,12 +71,17 @@ fn a_checkpoint_of_another_config_or_scene_is_refused_by_name_until_it_is_restor
         fs::write(root.join("config.json"), config.replace(from, to)).expect("written");
     };
     change("\"iterations\": 20", "\"iterations\": 30");
-    assert_refused(&root, &["0000000001.ckpt", "config.json", "`iterations` (30 and 20)"]);
+    assert_refused(
+        &root,
+        &["0000000001.ckpt", "config.json", "`iterations` (30 and 20)"],
+    );
     change("\"opacity_lr\": 0.05", "\"opacity_lr\": 0.06");
     assert_refused(&root, &["`optimizer.opacity_lr` (0.06 and 0.05)"]);
     fs::write(root.join("config.json"), &config).expect("written");
 
-    let mut altered = image::load_from_memory(&png(12, 8)).expect("an image").to_rgb8();
+    let mut altered = image::load_from_memory(&png(12, 8))
+        .expect("an image")
+        .to_rgb8();
     altered.put_pixel(3, 3, image::Rgb([9, 9, 9]));
     let altered = |name: &str| altered.save(scene.path().join(name)).expect("written");
     altered("images/b.png");
@@ -83,8 +94,8 @@ fn a_checkpoint_of_another_config_or_scene_is_refused_by_name_until_it_is_restor
     scene.remove(&test_image);
     assert_refused(&root, &["the scene is no longer as it was", &test_view]);
     scene.write(&test_image, png(12, 8));
-    scene.write("sparse/0/points3D.ply", GOOD_PLY.replace("1 0 6", "1 0 6.5"));
-    assert_refused(&root, &["point cloud"]);
+    scene.write("sparse/0/points3D.ply", GOOD_PLY.replace("4 5 6", "4 5 7"));
+    assert_refused(&root, &["the scene is not what it was: point cloud;"]);
     scene.write("sparse/0/points3D.ply", GOOD_PLY);
 
     let resumed = TrainJob::resume(&root, None).expect("as it was");

@@ -63,11 +63,19 @@ fn a_state_goes_on_as_the_run_it_is_of_and_no_part_of_it_is_idle() {
     for (i, _) in buffers.iter().enumerate() {
         let mut altered = buffers.clone();
         // The exponents' bits: no value stays what it was.
-        altered[i].iter_mut().skip(3).step_by(4).for_each(|byte| *byte ^= 1);
+        altered[i]
+            .iter_mut()
+            .skip(3)
+            .step_by(4)
+            .for_each(|byte| *byte ^= 1);
         let other = resumed((state.clone(), altered));
-        assert!(!same(&whole, &other), "buffer {i} of {} is idle", buffers.len());
+        assert!(
+            !same(&whole, &other),
+            "buffer {i} of {} is idle",
+            buffers.len()
+        );
     }
     let short = &buffers.concat()[16..];
     let error = trainer().restore(state, short).unwrap_err().to_string();
-    assert!(error.contains("bytes, not"), "{error}");
+    assert!(error.contains("bytes are no state of"), "{error}");
 }
