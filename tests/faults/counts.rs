@@ -43,7 +43,7 @@ fn counts_for_shaders_are_whole_or_a_fault() {
 
 #[test]
 fn workgroups_are_folded_without_loss() {
-    for n in [TWO_31 - 1, TWO_31, TWO_31 + 1, TWO_32 - 1] {
+    for n in [TWO_31 - 1, TWO_31, TWO_31 + 1, 65_535 * 65_535] {
         let (columns, rows) = fold(n, 65_535);
         assert!(columns <= 65_535 && rows <= 65_535, "{n}");
         let covered = u64::from(columns) * u64::from(rows);
