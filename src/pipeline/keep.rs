@@ -94,8 +94,10 @@ struct Header<I = Identity> {
 /// What is noted during training and goes into `metrics.json`.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Log {
-    /// Training alone.
+    /// Training, with its checkpoints.
     pub(super) train_s: f64,
+    /// Time spent on checkpoints.
+    pub(super) keep_s: f64,
     pub(super) curve: Vec<CurvePoint>,
     /// Time spent on the curve.
     pub(super) curve_s: f64,
@@ -175,7 +177,7 @@ impl<'a> Keeper<'a> {
 
     /// # Errors
     /// A checkpoint that cannot be written, a GPU fault, or a stop that was asked for.
-    pub(super) fn keep(&mut self, trainer: &Trainer<'_>, log: &Log) -> Result<()> {
+    pub(super) fn keep(&mut self, trainer: &Trainer<'_>, log: &mut Log) -> Result<()> {
         let start = Instant::now();
         let state = trainer.state();
         let done = state.done;
@@ -191,6 +193,7 @@ impl<'a> Keeper<'a> {
         saved.map_err(|e| e.or_way_out(self.way_back()))?;
         self.last = Instant::now();
         self.cost = self.last - start;
+        log.keep_s += self.cost.as_secs_f64();
         if self.stop.asked() {
             let what = format!("after iteration {done} of {}", self.iterations);
             return Err(Error::of(ErrorKind::Interrupted, what).way_out(self.way_back()));

@@ -96,6 +96,7 @@ impl Task<'_> {
         let kernels = Kernels::new(gpu);
         let (trained, log) = self.train(gpu, &kernels)?;
         seconds.train = Some(log.train_s);
+        seconds.checkpoints = Some(log.keep_s);
         write_ply(&run.point_cloud(), &trained.gaussians, &prepared.frame)?;
 
         let mut clock = Clock::start();
@@ -307,6 +308,6 @@ impl Observer for Watch<'_> {
 
     fn keep(&mut self, trainer: &Trainer<'_>) -> Result<()> {
         self.log.train_s = self.train_s();
-        self.keeper.keep(trainer, &self.log)
+        self.keeper.keep(trainer, &mut self.log)
     }
 }

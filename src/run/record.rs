@@ -77,6 +77,8 @@ pub struct Seconds {
     pub sample: Option<f64>,
     pub splat: Option<f64>,
     pub train: Option<f64>,
+    /// Part of `train`.
+    pub checkpoints: Option<f64>,
     pub eval: Option<f64>,
 }
 
