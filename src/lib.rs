@@ -3,7 +3,8 @@
 //! Data flows one way: [`scene`] -> [`field`] -> [`views`] -> [`splat`] -> [`render`] ->
 //! [`train`] -> [`eval`] -> [`report`]; [`gpu`], [`config`], [`camera`], [`gaussians`],
 //! [`progress`], [`run`] and [`error`] lie beneath. [`metrics`] measures images for [`eval`],
-//! [`pipeline`] calls the stages in a row, and [`cli`] is the commands on top.
+//! [`pipeline`] calls the stages in a row, [`study`] trains what a table or figure of the paper
+//! needs, and [`cli`] is the commands on top.
 //!
 //! Frames and units: the scene's own frame is that of its camera poses (world-to-camera, +z
 //! forward, y down). Everything on the GPU lives in the canonical frame ([`camera::Frame`]):
@@ -26,5 +27,6 @@ pub mod report;
 pub mod run;
 pub mod scene;
 pub mod splat;
+pub mod study;
 pub mod train;
 pub mod views;

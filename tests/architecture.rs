@@ -23,6 +23,7 @@ const ORDER: &[&str] = &[
     "eval",
     "report",
     "pipeline",
+    "study",
     "cli",
 ];
 

@@ -2,6 +2,7 @@
 
 mod eval;
 mod render;
+mod study;
 mod train;
 
 use std::io::Write;
@@ -33,6 +34,7 @@ enum Command {
     Train(train::TrainArgs),
     Eval(eval::EvalArgs),
     Render(render::RenderArgs),
+    Study(study::StudyArgs),
 }
 
 impl Cli {
@@ -42,6 +44,7 @@ impl Cli {
             Command::Train(args) => args.run(),
             Command::Eval(args) => args.run(),
             Command::Render(args) => args.run(),
+            Command::Study(args) => args.run(),
         }
     }
 }

@@ -11,10 +11,16 @@ use serde_json::Value;
 use super::Config;
 use crate::error::{Error, Result, read_file};
 
-/// Name and text of every preset; the first is the default.
+/// Name and text of every preset; the first is the default. Those of the ablation state what
+/// they change and from what, the others every value.
 pub const PRESETS: &[(&str, &str)] = &[
     ("paper", include_str!("../../configs/paper.json")),
     ("3dgs", include_str!("../../configs/3dgs.json")),
+    ("ablation-virtual", include_str!("../../configs/ablation/virtual.json")),
+    ("ablation-info", include_str!("../../configs/ablation/info.json")),
+    ("ablation-prune", include_str!("../../configs/ablation/prune.json")),
+    ("ablation-densify", include_str!("../../configs/ablation/densify.json")),
+    ("ablation-both", include_str!("../../configs/ablation/both.json")),
 ];
 
 impl Config {
@@ -29,8 +35,19 @@ impl Config {
                 ),
             );
         };
-        serde_json::from_str(text)
-            .map_err(|e| Error::usage(e.to_string()).at(format!("preset `{name}`")))
+        let config = serde_json::from_str::<Value>(text)
+            .map_err(|e| Error::usage(e.to_string()))
+            .and_then(|tree| {
+                if tree["preset"] == name {
+                    serde_json::from_value(tree).map_err(|e| Error::usage(e.to_string()))
+                } else {
+                    Ok(Config {
+                        preset: name.to_owned(),
+                        ..Self::from_overlay(text.as_bytes())?
+                    })
+                }
+            });
+        config.map_err(|e| e.at(format!("preset `{name}`")))
     }
 
     /// The config of a file: a JSON object that states what it changes and, under `"preset"`,
@@ -90,6 +107,22 @@ impl Config {
             config = Config::deserialize_at(&tree, &key, &shown)?;
         }
         Ok(config)
+    }
+
+    /// The first key in which another config differs, with both values; `None` where none does.
+    ///
+    /// # Errors
+    /// A config that cannot be written.
+    pub fn difference(&self, other: &Config) -> Result<Option<String>> {
+        let (here, there) = (self.tree()?, other.tree()?);
+        let mut keys = Vec::new();
+        list_keys(&here, "", &mut keys);
+        let differs = keys.into_iter().find_map(|key| {
+            let at = |tree: &Value| tree.pointer(&pointer(&key)).cloned();
+            let (a, b) = (at(&here)?, at(&there)?);
+            (a != b).then(|| format!("`{key}` is {a}, not {b}"))
+        });
+        Ok(differs)
     }
 
     fn deserialize_at(tree: &Value, key: &str, shown: &str) -> Result<Config> {

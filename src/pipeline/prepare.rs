@@ -44,9 +44,7 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     let splats = splat_views(&scene.cloud, &frame, &virtual_cameras, &config.splat, near)?;
     seconds.splat = Some(clock.lap());
 
-    let n_pixels: usize = scene.train.iter().map(|view| n_pixels(&view.image)).sum();
-    let n_points = config.scene.max_points.unwrap_or(n_pixels);
-    let cloud = thin(&scene.cloud, n_points, config.seed);
+    let cloud = thin(&scene.cloud, n_start(scene, config), config.seed);
     let start = Gaussians::from_cloud(&cloud, &frame, &config.model)?;
     Ok(Prepared {
         supervision: supervision(scene, &frame, coverage, &virtual_views, splats),
@@ -55,6 +53,14 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
         virtual_cameras,
         start,
     })
+}
+
+/// Number of points that training on `scene` starts from: `scene.max_points`, else one a training
+/// pixel, and no more than the cloud has.
+pub fn n_start(scene: &Scene, config: &Config) -> usize {
+    let n_pixels: usize = scene.train.iter().map(|view| n_pixels(&view.image)).sum();
+    let wanted = config.scene.max_points.unwrap_or(n_pixels);
+    wanted.min(scene.cloud.len())
 }
 
 /// The views that the optimiser learns from, in the canonical frame.

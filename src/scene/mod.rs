@@ -19,6 +19,7 @@ use crate::camera::Camera;
 use crate::config::Config;
 
 pub use cloud::{random_like, read_cloud, thin};
+pub use colmap::other_clouds;
 pub use load::{load, load_builtin};
 
 /// A scene ready to train on. Images of the training and test views are decoded, at the size
