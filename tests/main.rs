@@ -19,5 +19,6 @@ mod report;
 mod run;
 mod scene;
 mod splat;
+mod study;
 mod twins;
 mod views;

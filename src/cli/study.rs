@@ -49,7 +49,12 @@ pub struct StudyArgs {
     max_points: Option<usize>,
 
     /// Seeds, for means and their spread
-    #[arg(long, value_name = "A,B,...", value_delimiter = ',', default_value = "0,1,2")]
+    #[arg(
+        long,
+        value_name = "A,B,...",
+        value_delimiter = ',',
+        default_value = "0,1,2"
+    )]
     seeds: Vec<u64>,
 
     /// Change one config value of every run; may be repeated

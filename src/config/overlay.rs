@@ -16,11 +16,26 @@ use crate::error::{Error, Result, read_file};
 pub const PRESETS: &[(&str, &str)] = &[
     ("paper", include_str!("../../configs/paper.json")),
     ("3dgs", include_str!("../../configs/3dgs.json")),
-    ("ablation-virtual", include_str!("../../configs/ablation/virtual.json")),
-    ("ablation-info", include_str!("../../configs/ablation/info.json")),
-    ("ablation-prune", include_str!("../../configs/ablation/prune.json")),
-    ("ablation-densify", include_str!("../../configs/ablation/densify.json")),
-    ("ablation-both", include_str!("../../configs/ablation/both.json")),
+    (
+        "ablation-virtual",
+        include_str!("../../configs/ablation/virtual.json"),
+    ),
+    (
+        "ablation-info",
+        include_str!("../../configs/ablation/info.json"),
+    ),
+    (
+        "ablation-prune",
+        include_str!("../../configs/ablation/prune.json"),
+    ),
+    (
+        "ablation-densify",
+        include_str!("../../configs/ablation/densify.json"),
+    ),
+    (
+        "ablation-both",
+        include_str!("../../configs/ablation/both.json"),
+    ),
 ];
 
 impl Config {
@@ -109,20 +124,21 @@ impl Config {
         Ok(config)
     }
 
-    /// The first key in which another config differs, with both values; `None` where none does.
+    /// Every value in which this config differs from another, the preset's name aside: its key,
+    /// the value here and there.
     ///
     /// # Errors
     /// A config that cannot be written.
-    pub fn difference(&self, other: &Config) -> Result<Option<String>> {
-        let (here, there) = (self.tree()?, other.tree()?);
+    pub fn differences(&self, from: &Config) -> Result<Vec<(String, Value, Value)>> {
+        let (here, there) = (self.tree()?, from.tree()?);
         let mut keys = Vec::new();
         list_keys(&here, "", &mut keys);
-        let differs = keys.into_iter().find_map(|key| {
-            let at = |tree: &Value| tree.pointer(&pointer(&key)).cloned();
-            let (a, b) = (at(&here)?, at(&there)?);
-            (a != b).then(|| format!("`{key}` is {a}, not {b}"))
+        let value = |tree: &Value, key: &str| tree.pointer(&pointer(key)).cloned();
+        let values = keys.into_iter().filter_map(|key| {
+            let (a, b) = (value(&here, &key)?, value(&there, &key)?);
+            (a != b && !a.is_object() && key != "preset").then_some((key, a, b))
         });
-        Ok(differs)
+        Ok(values.collect())
     }
 
     fn deserialize_at(tree: &Value, key: &str, shown: &str) -> Result<Config> {

@@ -94,11 +94,14 @@ impl Study for Cloud {
     }
 
     fn report(&self, results: &Results) -> Result<Report> {
+        let own = THINNING.map(|thinning| ("own", thinning));
+        let random = THINNING.map(|thinning| ("random", thinning));
+        let with_random = [&[("own", 1)][..], &random].concat();
         let mut pictures = Vec::new();
-        for start in [&["own"][..], &["own", "random"]] {
+        for (name, starts) in [("own", &own[..]), ("random", &with_random)] {
             pictures.push(Picture {
-                name: format!("cloud-start-{}", start.join("-")),
-                svg: curves(results, start)?,
+                name: format!("cloud-start-{name}"),
+                svg: curves(results, starts)?,
             });
         }
         Ok(Report {
@@ -131,6 +134,7 @@ fn quality_table(results: &Results) -> DataTable {
             continue;
         };
         let label = match &run.job.cloud {
+            Some(CloudSource::Views(1)) => "1 view".to_owned(),
             Some(CloudSource::Views(n)) => format!("{n} views"),
             Some(_) => suffix.trim_start_matches("-cloud-").to_owned(),
             None => match run.job.source {
@@ -185,7 +189,10 @@ fn start_table(results: &Results) -> DataTable {
                 table.row([
                     scope.name.clone().into(),
                     label(start, thinning).into(),
-                    figure(|run| run.job.config.scene.max_points.map(|n| n as f64)),
+                    scope
+                        .figure(&variant, points)
+                        .map(|f| Figure::exact(f.mean))
+                        .into(),
                     figure(|run| run.metrics.curve.first()?.psnr),
                     figure(|run| Some(peak(run)?.1)),
                     figure(|run| Some(peak(run)?.0)),
@@ -208,6 +215,10 @@ fn label(start: &str, thinning: usize) -> String {
     }
 }
 
+fn points(run: &Finished) -> Option<f64> {
+    run.job.config.scene.max_points.map(|n| n as f64)
+}
+
 /// Iteration and PSNR of a curve's highest point.
 fn peak(run: &Finished) -> Option<(f64, f64)> {
     let points = run.metrics.curve.iter();
@@ -216,7 +227,7 @@ fn peak(run: &Finished) -> Option<(f64, f64)> {
 }
 
 /// PSNR against iterations, the mean over the scenes and seeds.
-fn curves(results: &Results, starts: &[&str]) -> Result<String> {
+fn curves(results: &Results, starts: &[(&str, usize)]) -> Result<String> {
     let mut plot = Plot::new(
         "3DGS from different starts",
         Axis::linear("iterations"),
@@ -226,11 +237,9 @@ fn curves(results: &Results, starts: &[&str]) -> Result<String> {
     let Some(scope) = scopes.last() else {
         return plot.to_svg();
     };
-    for start in starts {
-        for thinning in THINNING {
-            let points = curve(results, scope, &curve_name(start, thinning));
-            plot = plot.with(&label(start, thinning), Style::Curve, points);
-        }
+    for (start, thinning) in starts {
+        let points = curve(results, scope, &curve_name(start, *thinning));
+        plot = plot.with(&label(start, *thinning), Style::Curve, points);
     }
     plot.to_svg()
 }

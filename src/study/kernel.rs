@@ -68,7 +68,7 @@ impl Study for KernelStudy {
                 let scores = measure(&gpu, run, &setting.frame, &views)?.views;
                 psnr.push(scores.iter().map(|v| v.psnr.unwrap_or(f64::INFINITY)).collect());
             }
-            let count = Figure::of(&[views.len() as f64]);
+            let count = Some(Figure::exact(views.len() as f64));
             for (i, (label, kernel, sigma)) in KERNELS.into_iter().enumerate() {
                 let config = FieldConfig {
                     kernel,

@@ -5,7 +5,7 @@
 
 mod ablation;
 mod cloud;
-mod kernel;
+//KERNEL mod kernel;
 mod need;
 mod output;
 mod plan;
@@ -66,7 +66,7 @@ impl StudyName {
             StudyName::Cloud => &cloud::Cloud,
             StudyName::Sampling => &sampling::Sampling,
             StudyName::Views => &views::Views,
-            StudyName::Kernel => &kernel::KernelStudy,
+            StudyName::Kernel => &potential::Potential,
             StudyName::Potential => &potential::Potential,
             StudyName::Need => &need::Need,
         }
@@ -146,6 +146,12 @@ fn repeated(seeds: &[u64]) -> Option<u64> {
 
 /// Words joined to a file's name, with `-` in place of what may not stand in a link.
 fn file_name(words: &[&str]) -> String {
-    let plain = |c: char| if c.is_alphanumeric() || c == '_' { c } else { '-' };
+    let plain = |c: char| {
+        if c.is_alphanumeric() || c == '_' {
+            c
+        } else {
+            '-'
+        }
+    };
     words.join("-").chars().map(plain).collect()
 }

@@ -107,14 +107,20 @@ impl Study for Need {
         let config = base.config(BASE, &[])?;
         let scene = base.scene()?;
         let n_points = n_start(&scene, &config);
-        let sides = scene.train.iter().map(|v| v.camera.width.max(v.camera.height));
+        let sides = scene
+            .train
+            .iter()
+            .map(|v| v.camera.width.max(v.camera.height));
         let side = sides.max().unwrap_or(0);
         let mut variants = base.presets(&[BASE])?;
         let mut add = |name: String, changes: &[String]| -> Result<()> {
             variants.push(base.variant(&name, BASE, changes)?);
             Ok(())
         };
-        for degree in SH_DEGREES.into_iter().filter(|d| *d != config.model.sh_degree) {
+        for degree in SH_DEGREES
+            .into_iter()
+            .filter(|d| *d != config.model.sh_degree)
+        {
             let change = format!("model.sh_degree={degree}");
             add(format!("paper-sh-{degree}"), &[change])?;
         }
@@ -126,7 +132,10 @@ impl Study for Need {
             ];
             add(format!("paper-cap-{part}"), &changes)?;
         }
-        for count in VIRTUAL_VIEWS.into_iter().filter(|n| *n != config.views.count) {
+        for count in VIRTUAL_VIEWS
+            .into_iter()
+            .filter(|n| *n != config.views.count)
+        {
             let change = format!("views.count={count}");
             add(format!("paper-count-{count}"), &[change])?;
         }
@@ -196,13 +205,16 @@ fn row(scope: &Scope, variant: &str, [what, value]: [Cell; 2]) -> Vec<Cell> {
         BASE => String::new(),
         _ => gain(scope, variant, BASE),
     };
-    let figure = |of: &dyn Fn(&Finished) -> Option<f64>| -> Cell { scope.figure(variant, of).into() };
+    let figure =
+        |of: &dyn Fn(&Finished) -> Option<f64>| -> Cell { scope.figure(variant, of).into() };
     let mut cells = vec![scope.name.clone().into(), what, value];
     cells.extend(quality(scope, variant));
     cells.push(gained.into());
     cells.push(figure(&|run| Some(run.evaluation.n_gaussians as f64)));
     cells.push(figure(&|run| run.metrics.seconds.train));
-    cells.push(figure(&|run| Some(run.metrics.memory.gpu_peak_bytes? as f64 / 1e6)));
+    cells.push(figure(&|run| {
+        Some(run.metrics.memory.gpu_peak_bytes? as f64 / 1e6)
+    }));
     cells.push(figure(&|run| {
         let file = std::fs::metadata(run.run.point_cloud()).ok()?;
         Some(file.len() as f64 / 1e6)
@@ -229,7 +241,10 @@ fn picture(results: &Results, factor: &Factor) -> Result<Picture> {
         points.sort_by(|a, b| a.x.total_cmp(&b.x));
         plot = plot.with(&scope.name, Style::Curve, points);
     }
-    let name = factor.prefix.trim_start_matches("paper-").trim_end_matches('-');
+    let name = factor
+        .prefix
+        .trim_start_matches("paper-")
+        .trim_end_matches('-');
     Ok(Picture {
         name: format!("need-{name}"),
         svg: plot.to_svg()?,

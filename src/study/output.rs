@@ -39,8 +39,8 @@ pub(super) fn write(
         "tables": tables,
         "runs": results.runs.iter().map(|run| run.run.name()).collect::<Vec<_>>(),
     });
-    let json = serde_json::to_string_pretty(&json)
-        .map_err(|e| Error::new(format!("{name}.json: {e}")))?;
+    let json =
+        serde_json::to_string_pretty(&json).map_err(|e| Error::new(format!("{name}.json: {e}")))?;
 
     create_dir(&options.out)?;
     let write = |file: String, text: &str| write_file(&options.out.join(file), text.as_bytes());
@@ -62,8 +62,8 @@ fn caption(options: &Options, results: &Results) -> Result<String> {
         None => return Err(Error::usage("no scene is named")),
     };
     let size = match config.scene.max_size_px {
-        Some(px) => format!("images of at most {px} px"),
-        None => format!("images at most {} px wide", config.scene.max_width_px),
+        Some(px) => format!("Images of at most {px} px"),
+        None => format!("Images at most {} px wide", config.scene.max_width_px),
     };
     let points = match config.scene.max_points {
         Some(n) => format!("at most {n} points"),
@@ -71,7 +71,10 @@ fn caption(options: &Options, results: &Results) -> Result<String> {
     };
     let seeds: Vec<String> = options.seeds.iter().map(u64::to_string).collect();
     let (plural, noise) = match seeds.len() {
-        1 => ("", "One seed: how far chance spreads the figures is not known.".to_owned()),
+        1 => (
+            "",
+            "One seed: how far chance spreads the figures is not known.".to_owned(),
+        ),
         n => (
             "s",
             format!(

@@ -17,7 +17,8 @@ pub struct Options {
     pub iterations: Option<u32>,
     pub max_size: Option<u32>,
     pub max_points: Option<usize>,
-    /// `key=value`, applied to the preset of every run.
+    /// `key=value` for every run. They change what the presets share; what makes a preset or a
+    /// variant what it is stays.
     pub settings: Vec<String>,
 }
 
@@ -36,8 +37,10 @@ pub struct Base<'a> {
     source: SceneSource,
 }
 
-impl Base<'_> {
-    pub fn new(options: &Options, source: &SceneSource) -> Result<Base<'_>> {
+impl<'a> Base<'a> {
+    /// # Errors
+    /// A folder that is not there.
+    pub fn new(options: &'a Options, source: &SceneSource) -> Result<Base<'a>> {
         Ok(Base {
             options,
             source: source.clone().resolved()?,
@@ -53,13 +56,16 @@ impl Base<'_> {
         &self.source
     }
 
-    /// A preset under the study's options, with further `changes` (`key=value`).
+    /// The method under the study's options, then what the preset does otherwise than the
+    /// method, then `changes` (`key=value`).
     ///
     /// # Errors
     /// Usage: what the config does not allow.
     pub fn config(&self, preset: &str, changes: &[String]) -> Result<Config> {
         let options = self.options;
-        let mut config = Config::preset(preset)?;
+        let method = Config::preset("paper")?;
+        let preset = Config::preset(preset)?;
+        let mut config = method.clone();
         for setting in &options.settings {
             config = config
                 .set(setting)
@@ -68,9 +74,14 @@ impl Base<'_> {
         config.iterations = options.iterations.unwrap_or(config.iterations);
         config.scene.max_size_px = options.max_size.or(config.scene.max_size_px);
         config.scene.max_points = options.max_points.or(config.scene.max_points);
-        for change in changes {
-            config = config.set(change)?;
+        let own = preset.differences(&method)?;
+        let own = own
+            .into_iter()
+            .map(|(key, value, _)| format!("{key}={value}"));
+        for change in own.chain(changes.iter().cloned()) {
+            config = config.set(&change)?;
         }
+        config.preset = preset.preset;
         config.validate()?;
         Ok(config)
     }

@@ -99,12 +99,21 @@ fn predictors(setting: &Setting, run: &Finished) -> Result<[(&'static str, Vec<f
     let over = |value: &dyn Fn(DVec3) -> f64| directions.iter().map(|d| value(*d)).collect();
     let (field, config) = (&setting.field, &run.job.config);
     let near = config.model.near;
-    let splats = splat_views(&setting.scene.cloud, &setting.frame, &test, &config.splat, near)?;
+    let splats = splat_views(
+        &setting.scene.cloud,
+        &setting.frame,
+        &test,
+        &config.splat,
+        near,
+    )?;
     Ok([
         ("U_info", over(&|d| field.u_info(d))),
         ("nearest angle", over(&|d| setting.nearest_deg(d))),
         ("U_total", over(&|d| field.u_total(d))),
-        ("coverage", splats.iter().map(|splat| splat.coverage()).collect()),
+        (
+            "coverage",
+            splats.iter().map(|splat| splat.coverage()).collect(),
+        ),
     ])
 }
 
@@ -122,9 +131,24 @@ fn maps(scene: &str, setting: &Setting, run: &Finished) -> Result<Vec<Picture>> 
         size_px,
     };
     let marks = vec![
-        mark("virtual", drawn.map(direction).collect(), [255, 255, 255], 2),
-        mark("test", test.iter().map(direction).collect(), [230, 159, 0], 3),
-        mark("training", train.iter().map(direction).collect(), [213, 94, 0], 6),
+        mark(
+            "virtual",
+            drawn.map(direction).collect(),
+            [255, 255, 255],
+            2,
+        ),
+        mark(
+            "test",
+            test.iter().map(direction).collect(),
+            [230, 159, 0],
+            3,
+        ),
+        mark(
+            "training",
+            train.iter().map(direction).collect(),
+            [213, 94, 0],
+            6,
+        ),
     ];
     let up = train.iter().map(|camera| camera.up()).sum::<DVec3>();
     let field = &setting.field;

@@ -55,12 +55,13 @@ impl Planned {
         }
         let run = RunDir::open(&self.root)?;
         let another = |what: String| {
-            Error::new(format!("holds a run that differs: {what}"))
+            Error::new(format!("holds another run: {what}"))
                 .at_path(&self.root)
                 .way_out("choose another --out, or remove the run")
         };
-        if let Some(what) = run.config()?.difference(&self.job.config)? {
-            return Err(another(what));
+        let differences = run.config()?.differences(&self.job.config)?;
+        if let Some((key, there, here)) = differences.first() {
+            return Err(another(format!("its `{key}` is {there}, not {here}")));
         }
         if !self.root.join("metrics.json").exists() {
             return Ok(State::ToTrain);
@@ -88,11 +89,15 @@ impl Planned {
         } else if there.source != job.source.to_string() {
             Some(format!("its scene is {}", there.source))
         } else if there.cloud != cloud {
-            Some(format!("its cloud is {:?}", there.cloud))
+            let cloud = there.cloud.as_deref();
+            Some(format!(
+                "its cloud is {}",
+                cloud.unwrap_or("the scene's own")
+            ))
         } else if other(&job.train_views, &there.train_views) {
-            Some("its training views are others".to_owned())
+            Some("it has other training views".to_owned())
         } else if other(&job.test_views, &there.test_views) {
-            Some("its test views are others".to_owned())
+            Some("it has other test views".to_owned())
         } else if job.eval_every.is_some() && metrics.curve.is_empty() {
             Some("it has no curve".to_owned())
         } else {
@@ -164,7 +169,9 @@ impl Results {
             scenes: scenes.into_iter().map(str::to_owned).collect(),
             results: self,
         };
-        let one = scenes.iter().map(|name| scope((*name).to_owned(), vec![name]));
+        let one = scenes
+            .iter()
+            .map(|name| scope((*name).to_owned(), vec![name]));
         let mut scopes: Vec<Scope> = one.collect();
         if scenes.len() > 1 {
             scopes.push(scope(format!("mean of {}", scenes.len()), scenes));
@@ -194,7 +201,10 @@ impl Scope<'_> {
         variant: &str,
         measure: impl Fn(&Finished) -> Option<f64>,
     ) -> Option<Figure> {
-        let runs = self.scenes.iter().map(|scene| self.results.of(scene, variant));
+        let runs = self
+            .scenes
+            .iter()
+            .map(|scene| self.results.of(scene, variant));
         let runs: Vec<Vec<&Finished>> = runs.collect();
         let n_seeds = runs.iter().map(Vec::len).min()?;
         let of_seed = |i: usize| -> Option<f64> {
@@ -212,7 +222,10 @@ impl Scope<'_> {
 /// Before anything is trained: a directory that holds another run. After all that can be is
 /// done: runs that failed.
 pub fn carry_out(plan: &[Planned]) -> Result<Results> {
-    let states = plan.iter().map(Planned::state).collect::<Result<Vec<State>>>()?;
+    let states = plan
+        .iter()
+        .map(Planned::state)
+        .collect::<Result<Vec<State>>>()?;
     let n_done = states.iter().filter(|state| **state == State::Done).count();
     eprintln!("{} runs, {n_done} of them done already", plan.len());
     let mut runs = Vec::new();

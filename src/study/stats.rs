@@ -25,6 +25,14 @@ impl Figure {
         })
     }
 
+    /// What no chance decides.
+    pub fn exact(value: f64) -> Figure {
+        Figure {
+            mean: value,
+            spread: None,
+        }
+    }
+
     /// Whether the difference of the means is no larger than the standard deviation of the
     /// difference between two single runs, `sqrt(s_a^2 + s_b^2)`; `None` where a spread is not
     /// known.

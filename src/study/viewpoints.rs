@@ -108,11 +108,7 @@ pub fn measure(gpu: &Gpu, run: &Finished, frame: &Frame, views: &[View]) -> Resu
 }
 
 /// Rank correlation of a predictor with the PSNR of every seed, whole and given the angles.
-pub fn correlations(
-    predictor: &[f64],
-    psnr: &[Vec<f64>],
-    angles: &[f64],
-) -> [Option<Figure>; 2] {
+pub fn correlations(predictor: &[f64], psnr: &[Vec<f64>], angles: &[f64]) -> [Option<Figure>; 2] {
     let pairs = |a: &[f64], b: &[f64]| -> Vec<(f64, f64)> {
         a.iter().copied().zip(b.iter().copied()).collect()
     };
@@ -134,7 +130,8 @@ pub fn scatter(
     let mean = |i: usize| psnr.iter().map(|of_seed| of_seed[i]).sum::<f64>() / psnr.len() as f64;
     let places = predictor.iter().enumerate();
     let points = places.map(|(i, x)| Point::new(*x, mean(i))).collect();
-    let mut plot = Plot::new(title, Axis::linear(label), Axis::linear("PSNR, dB"));
+    let label = format!("{label}; colour: degrees to the nearest training view");
+    let mut plot = Plot::new(title, Axis::linear(&label), Axis::linear("PSNR, dB"));
     plot.color_label = "degrees".to_owned();
     plot.with("", Style::Colored(angles.to_vec()), points)
 }

@@ -36,8 +36,10 @@ impl Study for Views {
         let counts = COUNTS.into_iter().filter(|n| *n < all.len());
         let counts: Vec<usize> = counts.collect();
         let Some(&most) = counts.last() else {
-            return Err(Error::new(format!("has {} views, too few to study", all.len()))
-                .at(format!("scene `{}`", base.name())));
+            return Err(
+                Error::new(format!("has {} views, too few to study", all.len()))
+                    .at(format!("scene `{}`", base.name())),
+            );
         };
         let names = |chosen: &[usize]| -> Vec<String> {
             let chosen = chosen.iter().map(|&i| cameras[i].name.clone());
