@@ -6,14 +6,16 @@ use glam::DVec3;
 
 use super::Focus;
 use crate::camera::Camera;
-use crate::config::FieldConfig;
+use crate::config::{FieldConfig, Kernel};
 
 /// The camera potential field on the unit sphere of directions seen from the focus.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Field {
     /// Unit directions `v_i` from the focus to the training cameras.
     pub directions: Vec<DVec3>,
-    /// `sigma` of the sech kernel.
+    /// Of `U_info`.
+    pub kernel: Kernel,
+    /// `sigma` or `kappa` of the kernel.
     pub sigma: f64,
     /// Weight of `U_conf` in `U_total`.
     pub lambda: f64,
@@ -36,16 +38,23 @@ impl Field {
             .collect();
         Field {
             directions,
+            kernel: config.kernel,
             sigma: config.sigma,
             lambda: config.lambda,
         }
     }
 
-    /// Information potential `U_info(p) = sum_i sech(sigma (1 - p . v_i))` of a unit direction.
+    /// Information potential of a unit direction, the sum of the kernel over the cameras:
+    /// `U_info(p) = sum_i sech(sigma (1 - p . v_i))` (Eq. 2), or with von Mises-Fisher
+    /// `sum_i exp(kappa (p . v_i - 1))`, 1 at a lone camera's direction, too.
     pub fn u_info(&self, p: DVec3) -> f64 {
+        let kernel = |x: f64| match self.kernel {
+            Kernel::Sech => 1.0 / x.cosh(),
+            Kernel::VonMisesFisher => (-x).exp(),
+        };
         self.directions
             .iter()
-            .map(|v| 1.0 / (self.sigma * (1.0 - p.dot(*v))).cosh())
+            .map(|v| kernel(self.sigma * (1.0 - p.dot(*v))))
             .sum()
     }
 

@@ -2,31 +2,33 @@
 
 use glam::DVec3;
 
-use super::VirtualView;
+use super::{Viewpoint, VirtualView};
 use crate::camera::Camera;
+use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::field::{Field, Focus, angle};
 
 /// Within this angle of straight above or below, the mean up direction turns too fast to use.
 const POLE: f64 = 10.0 / 180.0 * std::f64::consts::PI;
 
-/// Virtual views in the given unit directions on the sphere, looking at the focus.
+/// Virtual views at the given viewpoints, looking at the focus.
 ///
 /// # Errors
 /// No training camera to take the intrinsics from.
 pub fn place(
-    directions: &[DVec3],
+    viewpoints: &[Viewpoint],
     train: &[Camera],
     focus: &Focus,
     field: &Field,
-    confidence_weighting: bool,
+    config: &Config,
 ) -> Result<Vec<VirtualView>> {
     let intrinsics = typical_intrinsics(train)?;
-    let mean_up = train.iter().map(Camera::up).sum::<DVec3>() / train.len() as f64;
-    let views = directions.iter().enumerate().map(|(k, &direction)| {
+    let mean_up = mean_up(train);
+    let views = viewpoints.iter().enumerate().map(|(k, viewpoint)| {
+        let direction = viewpoint.direction;
         let nearest = &train[field.nearest(direction)];
         let up = choose_up(direction, mean_up, nearest);
-        let eye = focus.center + focus.radius * direction;
+        let eye = focus.center + focus.radius * viewpoint.distance * direction;
         let u_conf = field.u_conf(direction);
         // The pose is made around the focus and then moved there, so that the viewing
         // direction is exact however far the world's origin is.
@@ -38,7 +40,7 @@ pub fn place(
             },
             direction,
             u_conf,
-            alpha: if confidence_weighting {
+            alpha: if config.loss.confidence_weighting {
                 1.0 / (1.0 + u_conf)
             } else {
                 1.0
@@ -46,6 +48,11 @@ pub fn place(
         }
     });
     Ok(views.collect())
+}
+
+/// The mean of the cameras' up directions; short where they cancel out.
+pub(super) fn mean_up(train: &[Camera]) -> DVec3 {
+    train.iter().map(Camera::up).sum::<DVec3>() / train.len() as f64
 }
 
 /// The most common training image size (the first of equals), the median focal lengths among
