@@ -64,14 +64,7 @@ fn main() -> Result<()> {
     let candidates = candidates(&train, &focus, &field, &config)?;
     let cameras: Vec<Camera> = candidates.iter().map(|v| v.camera.clone()).collect();
     let start = Instant::now();
-    let shares = candidate_shares(
-        &cameras,
-        &scene.cloud,
-        &frame,
-        &train,
-        (visibility, near),
-        config.seed,
-    )?;
+    let shares = candidate_shares(&cameras, &scene.cloud, &frame, &train, &config)?;
     let n = cameras.len();
     println!(
         "{}: {} points, {n} candidates judged in {:.2} s",

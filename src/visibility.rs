@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::camera::{Camera, Frame};
-use crate::config::{SplatConfig, VisibilityConfig};
+use crate::config::{Config, SplatConfig, VisibilityConfig};
 use crate::error::Result;
 use crate::scene::{PointCloud, thin};
 use crate::splat::{self, Filter, Points, ZBuffer};
@@ -13,10 +13,13 @@ use crate::splat::{self, Filter, Points, ZBuffer};
 /// DUSt3R-style cloud leave no gaps between them through which hidden points show.
 const DEPTH_MAP_PX: u32 = 128;
 
-/// Longer side of a candidate's splat, pixels, and the points in it: a share is a mean over
-/// pixels, for which some thousand will do.
-const CANDIDATE_PX: u32 = 64;
-const CANDIDATE_POINTS: usize = 16_384;
+/// A candidate's splat is the full one in miniature: the cloud thinned to so many points, and the
+/// image shrunk alike, so that a pixel gets as many of them and as many gaps. A share is a mean
+/// over pixels, for which some thousand will do.
+const CANDIDATE_POINTS: usize = 8192;
+
+/// But no longer side of a candidate's splat is more pixels than this.
+const CANDIDATE_PX: u32 = 192;
 
 /// What a view shows of the cloud.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,7 +66,7 @@ impl Visibility {
         config: &VisibilityConfig,
         near: f64,
     ) -> Result<Visibility> {
-        splat::check(train, &BARE)?;
+        splat::check_size(train)?;
         let occluders = Points::new(occluders, frame)?;
         let maps: Vec<DepthMap> = train
             .par_iter()
@@ -149,29 +152,29 @@ impl Visibility {
     }
 }
 
-/// Points as they are, one pixel each.
-const BARE: SplatConfig = SplatConfig {
-    size_px: 1,
-    filter_window_px: 1,
-    filter_min_neighbors: 0,
-};
-
-/// The visible shares of candidate views, estimated from a thinned cloud at a low resolution.
+/// The visible shares of `candidates`, estimated from splats in miniature.
 ///
 /// # Errors
-/// As [`Visibility::new`].
+/// As [`Visibility::new`] and [`Visibility::measure`].
 pub fn candidate_shares(
     candidates: &[Camera],
     cloud: &PointCloud,
     frame: &Frame,
     train: &[Camera],
-    (config, near): (&VisibilityConfig, f64),
-    seed: u64,
+    config: &Config,
 ) -> Result<Vec<f64>> {
-    let thinned = thin(cloud, CANDIDATE_POINTS, seed);
-    let visibility = Visibility::new(&thinned, cloud, frame, train, config, near)?;
-    let small: Vec<Camera> = candidates.iter().map(|c| c.at_most(CANDIDATE_PX)).collect();
-    let supports = visibility.measure(&small, &BARE)?;
+    let thinned = thin(cloud, CANDIDATE_POINTS, config.seed);
+    let (near, visibility) = (config.model.near, &config.views.visibility);
+    let visibility = Visibility::new(&thinned, cloud, frame, train, visibility, near)?;
+    let scale = (thinned.len() as f64 / cloud.len().max(1) as f64).sqrt();
+    let miniatures: Vec<Camera> = candidates
+        .iter()
+        .map(|camera| {
+            let longer = f64::from(camera.width.max(camera.height)) * scale;
+            camera.at_most((longer.round() as u32).clamp(1, CANDIDATE_PX))
+        })
+        .collect();
+    let supports = visibility.measure(&miniatures, &config.splat)?;
     Ok(supports.iter().map(|s| s.visible_share).collect())
 }
 

@@ -94,8 +94,7 @@ fn choose_views(
     cloud: &PointCloud,
     config: &Config,
 ) -> Result<Vec<VirtualView>> {
-    let visibility = &config.views.visibility;
-    let shares = if visibility.enabled && config.views.count > 0 {
+    let shares = if config.views.visibility.enabled && config.views.count > 0 {
         let candidates = candidates(train, focus, field, config)?;
         let candidates: Vec<Camera> = candidates.into_iter().map(|v| v.camera).collect();
         Some(candidate_shares(
@@ -103,8 +102,7 @@ fn choose_views(
             cloud,
             &focus.frame(),
             train,
-            (visibility, config.model.near),
-            config.seed,
+            config,
         )?)
     } else {
         None

@@ -101,10 +101,14 @@ pub fn train(
 fn log_carving(removed: &[usize], n_points: usize) {
     let rounds: Vec<String> = removed.iter().map(usize::to_string).collect();
     eprintln!(
-        "carved {} of {n_points} points in {} rounds: {}",
+        "carved {} of {n_points} points: {} in {} rounds",
         removed.iter().sum::<usize>(),
-        removed.len(),
-        rounds.join(", ")
+        if rounds.is_empty() {
+            "none".to_owned()
+        } else {
+            rounds.join(" + ")
+        },
+        rounds.len()
     );
 }
 

@@ -94,6 +94,12 @@ pub(crate) fn check(cameras: &[Camera], config: &SplatConfig) -> Result<()> {
             config.filter_window_px
         )));
     }
+    check_size(cameras)
+}
+
+/// # Errors
+/// An image without pixels.
+pub(crate) fn check_size(cameras: &[Camera]) -> Result<()> {
     match cameras.iter().find(|c| c.width == 0 || c.height == 0) {
         Some(camera) => Err(Error::new("the image has no pixels").at(&camera.name)),
         None => Ok(()),
