@@ -2,9 +2,10 @@
 //!
 //! Data flows one way: [`scene`] -> [`field`] -> [`views`] -> [`splat`] -> [`render`] ->
 //! [`train`] -> [`eval`] -> [`report`]; [`gpu`], [`config`], [`camera`], [`gaussians`],
-//! [`progress`], [`run`] and [`error`] lie beneath. [`metrics`] measures images for [`eval`],
-//! [`pipeline`] calls the stages in a row, [`study`] trains what a table or figure of the paper
-//! needs, and [`cli`] is the commands on top.
+//! [`progress`], [`run`] and [`error`] lie beneath. Where the config asks for it, [`carve`] clears
+//! the cloud by the photographs and [`visibility`] weighs where views may stand, both by splats.
+//! [`metrics`] measures images for [`eval`], [`pipeline`] calls the stages in a row, [`study`]
+//! trains what a table or figure of the paper needs, and [`cli`] is the commands on top.
 //!
 //! Frames and units: the scene's own frame is that of its camera poses (world-to-camera, +z
 //! forward, y down). Everything on the GPU lives in the canonical frame ([`camera::Frame`]):
@@ -12,6 +13,7 @@
 
 pub mod camera;
 pub mod cameras_json;
+pub mod carve;
 pub mod cli;
 pub mod config;
 pub mod error;
@@ -30,3 +32,4 @@ pub mod splat;
 pub mod study;
 pub mod train;
 pub mod views;
+pub mod visibility;

@@ -18,6 +18,8 @@ const ORDER: &[&str] = &[
     "field",
     "views",
     "splat",
+    "carve",
+    "visibility",
     "render",
     "train",
     "eval",

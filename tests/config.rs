@@ -171,6 +171,22 @@ fn wrong_types_are_named_with_their_key() {
             ["`loss.ssim_weight`", "\"1e999\""],
         ),
         ("model.background=[1,1]", ["`model.background`", "length 2"]),
+        (
+            "field.kernel=sec",
+            ["`field.kernel` cannot be \"sec\"", "did you mean `sech`?"],
+        ),
+        (
+            "views.strategy=sphere_furthest",
+            ["`views.strategy`", "did you mean `sphere_farthest`?"],
+        ),
+        (
+            "views.strategy=xylophone",
+            ["`nearest_angle`", "`interpolation`"],
+        ),
+        (
+            "views.visibility=true",
+            ["section", "`views.visibility.enabled`"],
+        ),
     ] {
         assert_refused(paper().set(setting), &parts);
     }
@@ -220,11 +236,21 @@ fn values_out_of_range_are_refused_with_key_and_value() {
         "scene.max_size_px=0",
         "scene.n_train=0",
         "scene.max_points=0",
+        "carve.threshold=-0.1",
+        "carve.window_px=4",
+        "carve.depth_tolerance=0",
+        "carve.max_rounds=0",
+        "carve.max_share=1",
         "field.sigma=0",
         "field.lambda=-0.1",
         "field.n_candidates=0",
         "views.count=4097",
         "views.epsilon=0",
+        "views.visibility.max_angle_deg=0",
+        "views.visibility.max_angle_deg=181",
+        "views.visibility.power=-1",
+        "views.visibility.min_share=1.1",
+        "views.visibility.depth_tolerance=1",
         "splat.size_px=0",
         "splat.filter_window_px=4",
         "splat.filter_window_px=4294967295",
@@ -277,11 +303,24 @@ fn values_out_of_range_are_refused_with_key_and_value() {
 }
 
 #[test]
+fn interpolation_has_no_candidates_to_weigh_by_visibility() {
+    let interpolation = paper().set("views.strategy=interpolation").unwrap();
+    interpolation.validate().unwrap();
+    let weighed = interpolation.set("views.visibility.enabled=true").unwrap();
+    assert_refused(
+        weighed.validate(),
+        &["`views.visibility.enabled` is true", "interpolation"],
+    );
+}
+
+#[test]
 fn values_that_are_no_number_are_refused() {
-    let edits: [fn(&mut Config) -> &mut f64; 6] = [
+    let edits: [fn(&mut Config) -> &mut f64; 8] = [
         |c| &mut c.field.sigma,
         |c| &mut c.field.lambda,
         |c| &mut c.loss.ssim_weight,
+        |c| &mut c.carve.threshold,
+        |c| &mut c.views.visibility.max_angle_deg,
         |c| &mut c.coverage.tau_max,
         |c| &mut c.optimizer.beta1,
         |c| &mut c.densify.min_opacity,

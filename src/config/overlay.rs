@@ -142,8 +142,14 @@ impl Config {
     }
 
     fn deserialize_at(tree: &Value, key: &str, shown: &str) -> Result<Config> {
-        serde_json::from_value(tree.clone())
-            .map_err(|e| Error::usage(format!("`{key}` cannot be {shown}: {e}")))
+        serde_json::from_value(tree.clone()).map_err(|e| {
+            let why = e.to_string();
+            let error = Error::usage(format!("`{key}` cannot be {shown}: {why}"));
+            match near_choice(shown, &why) {
+                Some(way_out) => error.way_out(way_out),
+                None => error,
+            }
+        })
     }
 
     fn tree(&self) -> Result<Value> {
@@ -240,6 +246,14 @@ fn did_you_mean<'a>(wrong: &str, known: impl Iterator<Item = &'a str>) -> Option
         .min()
         .filter(|(distance, k)| *distance <= 1 + k.len() / 4)
         .map(|(_, k)| format!("did you mean `{k}`?"))
+}
+
+/// The nearest of the names that serde's message expects, as in "expected `a` or `b`", to the
+/// JSON string `shown`: so that no second list of an enum's names exists.
+fn near_choice(shown: &str, why: &str) -> Option<String> {
+    let wrong: String = serde_json::from_str(shown).ok()?;
+    let (_, expected) = why.split_once(", expected ")?;
+    did_you_mean(&wrong, expected.split('`').skip(1).step_by(2))
 }
 
 fn quoted(names: impl Iterator<Item = impl std::fmt::Display>) -> String {

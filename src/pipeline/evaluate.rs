@@ -1,5 +1,6 @@
 //! Evaluation of a run at its scene's test views.
 
+use super::prepare::carved;
 use super::{focus_of, load_scene};
 use crate::camera::Frame;
 use crate::config::Config;
@@ -10,7 +11,7 @@ use crate::gpu::Gpu;
 use crate::render::Kernels;
 use crate::report::{ContactSheet, write_png};
 use crate::run::{Evaluation, Metrics, RunDir, file_names};
-use crate::scene::{LoadOptions, Scene, SceneSource};
+use crate::scene::{LoadOptions, PointCloud, Scene, SceneSource, View};
 
 /// Renders the test views of a run from its model and measures them; writes `eval.json` and
 /// `test/` anew.
@@ -19,11 +20,13 @@ pub fn evaluate(run: &RunDir) -> Result<Evaluation> {
     let metrics = run.metrics()?;
     let scene = reload(&config, &metrics).map_err(|e| e.at_path(run.root()))?;
     let (_, frame) = focus_of(&scene)?;
+    let carved = carved(&scene, &frame, &config)?;
+    let cloud = carved.as_ref().map_or(&scene.cloud, |c| &c.cloud);
     let gpu = Gpu::open()?;
     let kernels = Kernels::new(&gpu);
     measure(
         (&gpu, &kernels),
-        &scene,
+        (&scene.test, cloud),
         &frame,
         &config,
         run,
@@ -53,10 +56,11 @@ fn reload(config: &Config, metrics: &Metrics) -> Result<Scene> {
     })
 }
 
-/// Measures the model in `run` at the test views of `scene` and writes what it finds.
+/// Measures the model in `run` and the bare splat of `cloud` at the test `views` and writes what
+/// it finds.
 pub(super) fn measure(
     (gpu, kernels): (&Gpu, &Kernels),
-    scene: &Scene,
+    (views, cloud): (&[View], &PointCloud),
     frame: &Frame,
     config: &Config,
     run: &RunDir,
@@ -64,7 +68,6 @@ pub(super) fn measure(
 ) -> Result<Evaluation> {
     // The file, not the model in memory: what is measured is what others will open.
     let gaussians = read_ply(&run.point_cloud())?.to_canonical(frame);
-    let views = &scene.test;
     let renders = eval::render_views(gpu, kernels, &gaussians, frame, views, &config.model)?;
     let names: Vec<&str> = views.iter().map(|view| view.camera.name.as_str()).collect();
     for (render, file) in renders.iter().zip(file_names(&names, "png")) {
@@ -79,7 +82,7 @@ pub(super) fn measure(
     }
     let mut evaluation = eval::score(&renders, views, gaussians.len(), train_s)?;
     if !views.is_empty() {
-        let splat = eval::score_point_splat(&scene.cloud, frame, views, config)?;
+        let splat = eval::score_point_splat(cloud, frame, views, config)?;
         evaluation.point_splat = Some(splat);
     }
     run.write_evaluation(&evaluation)?;

@@ -36,6 +36,7 @@ pub fn train(
     };
     let Prepared {
         frame,
+        carved,
         virtual_cameras,
         supervision,
         start,
@@ -44,12 +45,12 @@ pub fn train(
     for warning in &warnings {
         eprintln!("warning: {warning}");
     }
+    let cloud = carved.as_ref().map_or(&scene.cloud, |c| &c.cloud);
+    if let Some(carved) = &carved {
+        log_carving(&carved.removed, scene.cloud.len());
+    }
     let config = &fitted(config, gpu, start.len())?;
-    eprintln!(
-        "{} Gaussians from {} points",
-        start.len(),
-        scene.cloud.len()
-    );
+    eprintln!("{} Gaussians from {} points", start.len(), cloud.len());
     write_virtual_sheet(run, &supervision.virtual_views)?;
     let all = [cameras(&scene.train), cameras(&scene.test), virtual_cameras].concat();
     write_cameras(&run.cameras(), &all)?;
@@ -77,7 +78,14 @@ pub fn train(
     write_ply(&run.point_cloud(), &trained.gaussians, &frame)?;
 
     clock.lap();
-    let evaluation = evaluate::measure((gpu, &kernels), scene, &frame, config, run, seconds.train)?;
+    let evaluation = evaluate::measure(
+        (gpu, &kernels),
+        (&scene.test, cloud),
+        &frame,
+        config,
+        run,
+        seconds.train,
+    )?;
     seconds.eval = Some(clock.lap() + curve_s);
     if job.eval_every.is_some() {
         curve.push(curve_point(config.iterations, &evaluation));
@@ -95,6 +103,7 @@ pub fn train(
             train_views: names(&scene.train),
             test_views: names(&scene.test),
             n_points: scene.cloud.len(),
+            carved_points: carved.map(|c| c.removed),
             pose_protocol: PoseProtocol::SharedFrame,
         },
         seconds,
@@ -107,6 +116,21 @@ pub fn train(
         curve,
     })?;
     Ok(evaluation)
+}
+
+/// How many of `n_points` each round took.
+fn log_carving(removed: &[usize], n_points: usize) {
+    let rounds: Vec<String> = removed.iter().map(usize::to_string).collect();
+    eprintln!(
+        "carved {} of {n_points} points: {} in {} rounds",
+        removed.iter().sum::<usize>(),
+        if rounds.is_empty() {
+            "none".to_owned()
+        } else {
+            rounds.join(" + ")
+        },
+        rounds.len()
+    );
 }
 
 /// The config with its cap on Gaussians lowered to what the adapter can bind.

@@ -47,6 +47,8 @@ pub struct SceneRecord {
     pub test_views: Vec<String>,
     /// Points in the cloud as loaded.
     pub n_points: usize,
+    /// Points that each round of carving removed; null where it was off.
+    pub carved_points: Option<Vec<usize>>,
     pub pose_protocol: PoseProtocol,
 }
 
@@ -64,6 +66,7 @@ pub enum PoseProtocol {
 pub struct Seconds {
     pub load: Option<f64>,
     pub field: Option<f64>,
+    pub carve: Option<f64>,
     pub sample: Option<f64>,
     pub splat: Option<f64>,
     pub train: Option<f64>,

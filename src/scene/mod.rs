@@ -71,6 +71,19 @@ impl PointCloud {
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
     }
+
+    /// Keeps the points that `kept`, one entry a point, says true of, in their order.
+    pub fn retain(&mut self, kept: &[bool]) {
+        fn filter<T: Copy>(values: &mut Vec<T>, kept: &[bool]) {
+            let mut kept = kept.iter();
+            values.retain(|_| kept.next().copied().unwrap_or(false));
+        }
+        filter(&mut self.positions, kept);
+        filter(&mut self.colors, kept);
+        if let Some(confidence) = &mut self.confidence {
+            filter(confidence, kept);
+        }
+    }
 }
 
 /// What bounds a scene while it is loaded.

@@ -5,7 +5,7 @@
 
 mod ablation;
 mod cloud;
-//KERNEL mod kernel;
+mod kernel;
 mod need;
 mod output;
 mod plan;
@@ -33,13 +33,13 @@ use crate::error::{Error, Result};
 pub enum StudyName {
     /// What each part of the method adds (Table 2)
     Ablation,
-    /// Clouds from few and many views, thinned and random points (Table 3, Figure 5)
+    /// Clouds from few and many views, thinned and random points (Table 3, Figure 6)
     Cloud,
     /// Ways to choose the virtual views (Table 4)
     Sampling,
     /// 3 to 9 training views (Table 5)
     Views,
-    /// Kernels of the field: does their potential rank viewpoints by quality? (Figures 3 and 4)
+    /// Kernels of the field: does their potential rank viewpoints by quality? (Figures 4 and 5)
     Kernel,
     /// The field on the sphere, and what predicts the quality of a test view
     Potential,
@@ -66,7 +66,7 @@ impl StudyName {
             StudyName::Cloud => &cloud::Cloud,
             StudyName::Sampling => &sampling::Sampling,
             StudyName::Views => &views::Views,
-            StudyName::Kernel => &potential::Potential,
+            StudyName::Kernel => &kernel::KernelStudy,
             StudyName::Potential => &potential::Potential,
             StudyName::Need => &need::Need,
         }

@@ -8,16 +8,16 @@ use crate::camera::{Camera, Frame};
 use crate::config::FieldConfig;
 use crate::error::Result;
 use crate::eval;
-use crate::field::{Field, Focus, angle, fibonacci_sphere};
+use crate::field::{Field, Focus, angle};
 use crate::gaussians::ply::read_ply;
 use crate::gpu::Gpu;
-use crate::pipeline::focus_of;
+use crate::pipeline::{TrainJob, focus_of};
 use crate::render::Kernels;
 use crate::report::plot::{Axis, Plot, Point, Style};
 use crate::run::Evaluation;
 use crate::scene::builtin::{self, surface_distance};
 use crate::scene::{Scene, SceneSource, View};
-use crate::views::place;
+use crate::views::candidates;
 
 /// Directions tried on the sphere; those below the floor or in an object fall out.
 const N_DIRECTIONS: usize = 400;
@@ -31,7 +31,7 @@ pub struct Setting {
     pub focus: Focus,
     pub frame: Frame,
     pub field: Field,
-    source: SceneSource,
+    job: TrainJob,
 }
 
 impl Setting {
@@ -42,7 +42,7 @@ impl Setting {
         let (focus, frame) = focus_of(&scene)?;
         let field = Field::new(&cameras(&scene.train), &focus, &run.job.config.field);
         Ok(Setting {
-            source: run.job.source.clone(),
+            job: run.job.clone(),
             scene,
             focus,
             frame,
@@ -73,12 +73,13 @@ impl Setting {
     /// # Errors
     /// No training camera to take the intrinsics from.
     pub fn viewpoints(&self) -> Result<Vec<View>> {
-        if let SceneSource::Folder(_) = self.source {
+        if let SceneSource::Folder(_) = self.job.source {
             return Ok(self.scene.test.clone());
         }
-        let directions = fibonacci_sphere(N_DIRECTIONS);
+        let mut config = self.job.config.clone();
+        config.field.n_candidates = N_DIRECTIONS;
         let train = cameras(&self.scene.train);
-        let placed = place(&directions, &train, &self.focus, &self.field, false)?;
+        let placed = candidates(&train, &self.focus, &self.field, &config)?;
         let cameras = placed.into_iter().map(|view| view.camera);
         let free = CLEARANCE * self.focus.radius;
         Ok(cameras
