@@ -3,6 +3,7 @@
 mod architecture;
 mod builtin;
 mod cameras_json;
+mod carve;
 mod cli;
 mod commands;
 mod config;
@@ -20,3 +21,4 @@ mod scene;
 mod splat;
 mod twins;
 mod views;
+mod visibility;
