@@ -3,6 +3,7 @@
 mod architecture;
 mod builtin;
 mod cameras_json;
+mod carve;
 mod cli;
 mod commands;
 mod config;
@@ -22,3 +23,4 @@ mod splat;
 mod study;
 mod twins;
 mod views;
+mod visibility;
