@@ -10,13 +10,18 @@
 //! test/            one PNG a test view; contact_sheet.png: renders beside photographs
 //! ```
 
+mod evaluation;
 mod names;
 mod record;
 
+pub use evaluation::{
+    Evaluation, LpipsRecord, MaskedMean, MaskedScore, Mean, Measured, PointSplatScore, Renders,
+    ViewScore, mean,
+};
 pub use names::file_names;
 pub use record::{
-    Evaluation, ImageLoss, LossSample, Mean, Memory, Metrics, ModelSize, PlanCounts,
-    PointSplatScore, PoseProtocol, SceneRecord, Seconds, ViewScore, mean, peak_host_bytes,
+    ImageLoss, LossSample, Memory, Metrics, ModelSize, PlanCounts, PoseProtocol, SceneRecord,
+    Seconds, peak_host_bytes,
 };
 
 use std::path::{Path, PathBuf};

@@ -19,6 +19,7 @@ fn view(name: &str, psnr: f64, ssim: f64) -> ViewScore {
         psnr: Some(psnr),
         ssim: Some(ssim),
         lpips: None,
+        masked: None,
     }
 }
 
@@ -108,12 +109,14 @@ fn evaluation_has_the_mean_of_the_views_values_and_null_for_the_rest() {
         serde_json::json!({
             "mean": {"psnr": 15.0, "ssim": 0.5, "lpips": null},
             "views": [
-                {"name": "a", "psnr": 10.0, "ssim": 0.25, "lpips": null},
-                {"name": "b", "psnr": 20.0, "ssim": 0.75, "lpips": null},
+                {"name": "a", "psnr": 10.0, "ssim": 0.25, "lpips": null, "masked": null},
+                {"name": "b", "psnr": 20.0, "ssim": 0.75, "lpips": null, "masked": null},
             ],
             "n_gaussians": 42,
             "train_s": 1.5,
             "point_splat": null,
+            "mean_masked": null,
+            "measured": null,
         })
     );
     assert!(Evaluation::new(Vec::new(), 1, None).mean.psnr.is_none());

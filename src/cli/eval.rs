@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::measure::MeasureArgs;
 use crate::error::Result;
 use crate::pipeline;
 use crate::report::evaluation_table;
@@ -25,6 +26,9 @@ pub struct EvalArgs {
     /// Run directories that `gspotential train` wrote
     #[arg(value_name = "RUN", required = true)]
     runs: Vec<PathBuf>,
+
+    #[command(flatten)]
+    measure: MeasureArgs,
 }
 
 impl EvalArgs {
@@ -35,8 +39,9 @@ impl EvalArgs {
             .iter()
             .map(|root| RunDir::open(root))
             .collect::<Result<Vec<_>>>()?;
+        let options = self.measure.options()?;
         for run in &runs {
-            let evaluation = pipeline::evaluate(run)?;
+            let evaluation = pipeline::evaluate(run, &options)?;
             super::print(&format!("{}\n", evaluation_table(&run.name(), &evaluation)))?;
         }
         Ok(())

@@ -94,6 +94,7 @@ fn decode_bytes(bytes: &[u8], posed: &PosedImage, options: &LoadOptions) -> Resu
         view: View {
             camera: camera.resized(new_width, new_height),
             image: from_rgb(image),
+            mask: None,
         },
         rescaled_from: (stated != (width, height)).then_some(stated),
     })

@@ -40,6 +40,8 @@ pub struct Scene {
 pub struct View {
     pub camera: Camera,
     pub image: Image,
+    /// Which pixels show the subject (`height * width`, row 0 on top), where the scene says.
+    pub mask: Option<Vec<bool>>,
 }
 
 /// An 8-bit RGB image, row 0 on top.

@@ -1,5 +1,8 @@
 //! PSNR and SSIM against a brute-force implementation and values worked out by hand.
 
+mod lpips;
+mod lpips_reference;
+
 use gspotential::metrics::{masked_psnr, psnr, quantize, ssim};
 use gspotential::scene::Image;
 use rand::{RngExt, SeedableRng};
