@@ -7,7 +7,7 @@ use clap::Args;
 use crate::error::Result;
 use crate::eval::EvalOptions;
 use crate::metrics::Lpips;
-use crate::metrics::lpips::{InputRange, WEIGHTS_RECIPE};
+use crate::metrics::lpips::InputRange;
 use crate::run::Renders;
 
 /// How test views are measured.
@@ -42,11 +42,4 @@ impl MeasureArgs {
             },
         })
     }
-}
-
-/// How a user comes by the weights, where LPIPS was left out.
-pub fn lpips_hint() -> String {
-    format!(
-        "LPIPS: n/a, for want of --lpips-weights FILE; make the file once with `{WEIGHTS_RECIPE}`"
-    )
 }

@@ -59,7 +59,11 @@ impl Pixels for FloatImage<'_> {
 
     /// NaN becomes 0, as in [`quantize`].
     fn level(&self, i: usize) -> f64 {
-        (f64::from(self.rgb[i]) * 255.0).max(0.0).min(255.0)
+        let value = self.rgb[i];
+        if value.is_nan() {
+            return 0.0;
+        }
+        f64::from(value.clamp(0.0, 1.0)) * 255.0
     }
 }
 

@@ -29,6 +29,8 @@ pub fn train(
     run: &RunDir,
 ) -> Result<Evaluation> {
     options.check(&scene.test)?;
+    // Of the files as they are now: a mask that is drawn while training runs was not loaded.
+    let stamp = source.stamp();
     let mut seconds = Seconds {
         load: Some(load_s),
         ..Seconds::default()
@@ -66,7 +68,8 @@ pub fn train(
     clock.lap();
     let device = (gpu, &kernels);
     let train_s = seconds.train;
-    let evaluation = evaluate::measure(device, scene, &frame, config, options, run, train_s)?;
+    let what = (run, options, stamp);
+    let evaluation = evaluate::measure(device, scene, &frame, config, what, train_s)?;
     seconds.eval = Some(clock.lap());
     let names = |views: &[View]| views.iter().map(|view| view.camera.name.clone()).collect();
     run.write_metrics(&Metrics {

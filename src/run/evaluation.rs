@@ -4,8 +4,11 @@
 //! measured; a table says `inf` for the former. Fields that older versions did not write are
 //! optional. Of two equal runs only `train_s` may differ.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
+use super::PoseProtocol;
 use crate::metrics::lpips::{InputRange, Net};
 
 /// Errors at the test views: `eval.json`.
@@ -26,13 +29,21 @@ pub struct Evaluation {
     pub measured: Option<Measured>,
 }
 
-/// What was measured and how. An evaluation is up to date while all of it is what is asked for.
+/// What was measured and how.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// This program's version.
     pub version: String,
     /// Of `point_cloud.ply`, in hex.
     pub point_cloud_sha256: String,
+    pub point_cloud_bytes: u64,
+    /// Of `config.json`, which holds the near plane and the background.
+    pub config_sha256: String,
+    /// Of the scene's files ([`crate::scene::SceneSource::stamp`]).
+    pub scene_stamp: Option<String>,
+    /// Width and height of the first test view; null without one.
+    pub image_px: Option<[u32; 2]>,
+    pub pose_protocol: PoseProtocol,
     pub renders: Renders,
     /// Null: LPIPS was not measured.
     pub lpips: Option<LpipsRecord>,
@@ -57,6 +68,13 @@ pub struct LpipsRecord {
     pub range: InputRange,
     /// Of the file of weights, in hex.
     pub weights_sha256: String,
+}
+
+impl fmt::Display for LpipsRecord {
+    /// As a table's column: `lpips(vgg,[0,1])`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "lpips({},{})", self.net, self.range)
+    }
 }
 
 /// Errors of the bare point splat of the cloud at the test views, black where no point falls.
@@ -137,6 +155,27 @@ impl Evaluation {
             point_splat: None,
             measured: None,
         }
+    }
+
+    /// As it was before it was written: PSNR is always measured with SSIM, so a null beside one
+    /// is the infinite PSNR of identical images.
+    pub(super) fn with_infinities(mut self) -> Evaluation {
+        let restore = |psnr: &mut Option<f64>, ssim: Option<f64>| {
+            if psnr.is_none() && ssim.is_some() {
+                *psnr = Some(f64::INFINITY);
+            }
+        };
+        restore(&mut self.mean.psnr, self.mean.ssim);
+        if let Some(MaskedMean { mean, .. }) = &mut self.mean_masked {
+            restore(&mut mean.psnr, mean.ssim);
+        }
+        for view in &mut self.views {
+            restore(&mut view.psnr, view.ssim);
+            if let Some(masked) = &mut view.masked {
+                restore(&mut masked.psnr, masked.ssim);
+            }
+        }
+        self
     }
 }
 

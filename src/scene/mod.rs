@@ -7,9 +7,11 @@ mod colmap;
 mod decode;
 mod images;
 mod load;
+mod masks;
 mod ply;
 mod source;
 mod split;
+mod stamp;
 
 pub use source::{DEFAULT_BUILTIN_WIDTH, SceneSource};
 
