@@ -2,7 +2,7 @@
 //!
 //! Data flows one way: [`scene`] -> [`field`] -> [`views`] -> [`splat`] -> [`render`] ->
 //! [`train`] -> [`eval`] -> [`report`]; [`gpu`], [`config`], [`camera`], [`gaussians`],
-//! [`progress`], [`run`] and [`error`] lie beneath. Where the config asks for it, [`carve`] clears
+//! [`progress`], [`digest`], [`run`] and [`error`] lie beneath. Where the config asks for it, [`carve`] clears
 //! the cloud by the photographs and [`visibility`] weighs where views may stand, both by splats.
 //! [`metrics`] measures images for [`eval`], [`pipeline`] calls the stages in a row, [`study`]
 //! trains what a table or figure of the paper needs, and [`cli`] is the commands on top.
@@ -16,6 +16,7 @@ pub mod cameras_json;
 pub mod carve;
 pub mod cli;
 pub mod config;
+pub mod digest;
 pub mod error;
 pub mod eval;
 pub mod field;
@@ -29,6 +30,7 @@ pub mod report;
 pub mod run;
 pub mod scene;
 pub mod splat;
+pub mod stats;
 pub mod study;
 pub mod train;
 pub mod views;

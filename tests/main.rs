@@ -6,6 +6,7 @@ mod cameras_json;
 mod carve;
 mod cli;
 mod commands;
+mod comparison;
 mod config;
 mod field;
 mod gaussians;

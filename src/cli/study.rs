@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::measure::MeasureArgs;
 use crate::error::Result;
 use crate::report::Table;
 use crate::scene::SceneSource;
@@ -61,6 +62,9 @@ pub struct StudyArgs {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     settings: Vec<String>,
 
+    #[command(flatten)]
+    measure: MeasureArgs,
+
     /// List the study's runs and what there is of each, and train nothing
     #[arg(long)]
     list: bool,
@@ -76,6 +80,7 @@ impl StudyArgs {
             max_size: self.max_size,
             max_points: self.max_points,
             settings: self.settings,
+            measure: self.measure.options()?,
         };
         if self.list {
             return super::print(&listed(study::list(self.name, &options)?));

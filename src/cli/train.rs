@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::measure::MeasureArgs;
 use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
 use crate::pipeline::TrainJob;
@@ -87,6 +88,9 @@ pub struct TrainArgs {
     /// Replace the run that --out holds
     #[arg(long)]
     overwrite: bool,
+
+    #[command(flatten)]
+    measure: MeasureArgs,
 }
 
 impl TrainArgs {
@@ -108,7 +112,7 @@ impl TrainArgs {
         let out = self
             .out
             .unwrap_or_else(|| RunDir::default_path(&job.source.name(), &job.config));
-        let (run, evaluation) = job.run(&out, self.overwrite)?;
+        let (run, evaluation) = job.run(&out, self.overwrite, &self.measure.options()?)?;
         super::print(&evaluation_table(&run.name(), &evaluation))?;
         eprintln!("wrote {}", run.root().display());
         Ok(())

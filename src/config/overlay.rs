@@ -141,6 +141,14 @@ impl Config {
         Ok(values.collect())
     }
 
+    /// The values that differ from the preset's, by dotted key in the order of the keys; the seed
+    /// is none of them.
+    pub fn changes(&self) -> Result<Vec<(String, Value)>> {
+        let differences = self.differences(&Config::preset(&self.preset)?)?;
+        let changes = differences.into_iter().map(|(key, value, _)| (key, value));
+        Ok(changes.filter(|(key, _)| key != "seed").collect())
+    }
+
     fn deserialize_at(tree: &Value, key: &str, shown: &str) -> Result<Config> {
         serde_json::from_value(tree.clone()).map_err(|e| {
             let why = e.to_string();

@@ -6,6 +6,7 @@ use std::time::Instant;
 use super::{load_scene, train};
 use crate::config::Config;
 use crate::error::{Error, Result};
+use crate::eval::EvalOptions;
 use crate::gpu::Gpu;
 use crate::run::{Evaluation, RunDir};
 use crate::scene::{CloudSource, LoadOptions, Scene, SceneSource};
@@ -69,12 +70,17 @@ impl TrainJob {
         Ok(scene)
     }
 
-    /// Loads, trains and evaluates into the run directory `out`; a run that is there is replaced
+    /// Loads, trains and evaluates as `options` say into the run directory `out`; a run that is there is replaced
     /// with `overwrite` and refused without.
     ///
     /// # Errors
     /// Anything that fails on the way. Nothing is written before the scene is loaded.
-    pub fn run(&self, out: &Path, overwrite: bool) -> Result<(RunDir, Evaluation)> {
+    pub fn run(
+        &self,
+        out: &Path,
+        overwrite: bool,
+        options: &EvalOptions,
+    ) -> Result<(RunDir, Evaluation)> {
         RunDir::check(out, overwrite)?;
         // Before anything takes time or is written: a machine without an adapter is told at once,
         // and the same command works once it has one.
@@ -83,11 +89,12 @@ impl TrainJob {
         let start = Instant::now();
         let scene = self.load()?;
         let load_s = start.elapsed().as_secs_f64();
+        options.check(&scene.test)?;
         for warning in &scene.warnings {
             eprintln!("warning: {warning}");
         }
         let run = RunDir::create(out, &self.config, overwrite)?;
-        let evaluation = train(&gpu, &scene, self, load_s, &run)?;
+        let evaluation = train(&gpu, &scene, self, load_s, options, &run)?;
         Ok((run, evaluation))
     }
 }

@@ -6,7 +6,7 @@ mod prepare;
 mod render;
 mod train;
 
-pub use evaluate::evaluate;
+pub use evaluate::{evaluate, evaluation_at_hand};
 pub use job::TrainJob;
 pub use prepare::{Prepared, n_start, prepare};
 pub use render::render;

@@ -7,7 +7,7 @@ use crate::camera::Frame;
 use crate::cameras_json::write_cameras;
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::eval;
+use crate::eval::{self, EvalOptions};
 use crate::gaussians::ply::write_ply;
 use crate::gpu::Gpu;
 use crate::progress::Progress;
@@ -20,16 +20,21 @@ use crate::run::{
 use crate::scene::{Image, Scene, View};
 use crate::train::{self, Observer, TrainingView};
 
-/// Trains on `scene`, which is `job`'s, evaluates at its test views and writes all into `run`;
+/// Trains on `scene`, which is `job`'s, evaluates at its test views as `options` say and writes all
+/// into `run`;
 /// `load_s` is how long loading took.
 pub fn train(
     gpu: &Gpu,
     scene: &Scene,
     job: &TrainJob,
     load_s: f64,
+    options: &EvalOptions,
     run: &RunDir,
 ) -> Result<Evaluation> {
     let config = &job.config;
+    options.check(&scene.test)?;
+    // Of the files as they are now: a mask that is drawn while training runs was not loaded.
+    let stamp = job.source.stamp();
     let mut seconds = Seconds {
         load: Some(load_s),
         ..Seconds::default()
@@ -65,6 +70,10 @@ pub fn train(
             views: &scene.test,
             frame: &frame,
             config,
+            options: EvalOptions {
+                lpips: None,
+                ..options.clone()
+            },
             points: Vec::new(),
             seconds: 0.0,
         }),
@@ -83,7 +92,7 @@ pub fn train(
         (&scene.test, cloud),
         &frame,
         config,
-        run,
+        (run, options, stamp),
         seconds.train,
     )?;
     seconds.eval = Some(clock.lap() + curve_s);
@@ -206,6 +215,8 @@ struct Curve<'a> {
     views: &'a [View],
     frame: &'a Frame,
     config: &'a Config,
+    /// Without LPIPS, which takes longer than many iterations.
+    options: EvalOptions,
     points: Vec<CurvePoint>,
     /// Time spent here, which is not training's.
     seconds: f64,
@@ -232,8 +243,20 @@ impl Observer for Log<'_> {
         };
         let start = Instant::now();
         let (views, config) = (curve.views, &curve.config.model);
-        let renders = eval::render_model(&mut curve.renderer, model, curve.frame, views, config)?;
-        let evaluation = eval::score(&renders, views, model.n, None)?;
+        let mut scores = Vec::with_capacity(views.len());
+        let renderer = &mut curve.renderer;
+        eval::render_model(
+            renderer,
+            model,
+            curve.frame,
+            views,
+            config,
+            |view, render| {
+                scores.push(eval::score(render, view, &curve.options)?);
+                Ok(())
+            },
+        )?;
+        let evaluation = Evaluation::new(scores, model.n, None);
         curve.points.push(curve_point(done, &evaluation));
         curve.seconds += start.elapsed().as_secs_f64();
         Ok(())

@@ -4,13 +4,13 @@
 use super::plan::{Base, Variant};
 use super::quality::{LPIPS, PSNR, SCENE, SSIM, gain, psnr, quality};
 use super::runs::{Finished, Results, Scope};
-use super::stats::Figure;
 use super::table::{Cell, Column, DataTable};
 use super::{Picture, Report, Study};
 use crate::error::Result;
 use crate::pipeline::{TrainJob, n_start};
 use crate::report::plot::{Axis, Plot, Point, Style};
 use crate::scene::{CloudSource, SceneSource, other_clouds};
+use crate::stats::Figure;
 
 const PRESETS: [&str; 2] = ["3dgs", "paper"];
 
@@ -252,7 +252,7 @@ fn curve(results: &Results, scope: &Scope, variant: &str) -> Vec<Point> {
         Some(Point {
             x: f64::from(at.iteration),
             y: figure.mean,
-            spread: figure.spread,
+            spread: figure.deviation,
         })
     };
     iterations.iter().enumerate().filter_map(point).collect()

@@ -4,13 +4,14 @@
 use super::plan::{Base, Variant};
 use super::quality::SCENE;
 use super::runs::Results;
-use super::stats::Figure;
 use super::table::{Column, DataTable};
 use super::viewpoints::{Setting, correlations, measure, scatter};
 use super::{Picture, Report, Study, file_name};
 use crate::config::{FieldConfig, Kernel};
 use crate::error::Result;
+use crate::eval::EvalOptions;
 use crate::gpu::Gpu;
+use crate::stats::Figure;
 
 /// The paper's three, by kernel and concentration.
 const KERNELS: [(&str, Kernel, f64); 3] = [
@@ -65,8 +66,14 @@ impl Study for KernelStudy {
             let angles: Vec<f64> = directions.iter().map(|d| setting.nearest_deg(*d)).collect();
             let mut psnr: Vec<Vec<f64>> = Vec::new();
             for run in &runs {
-                let scores = measure(&gpu, run, &setting.frame, &views)?.views;
-                psnr.push(scores.iter().map(|v| v.psnr.unwrap_or(f64::INFINITY)).collect());
+                let scores =
+                    measure(&gpu, run, &setting.frame, &views, &EvalOptions::default())?.views;
+                psnr.push(
+                    scores
+                        .iter()
+                        .map(|v| v.psnr.unwrap_or(f64::INFINITY))
+                        .collect(),
+                );
             }
             let count = Some(Figure::exact(views.len() as f64));
             for (i, (label, kernel, sigma)) in KERNELS.into_iter().enumerate() {

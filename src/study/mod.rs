@@ -13,7 +13,6 @@ mod potential;
 mod quality;
 mod runs;
 mod sampling;
-pub mod stats;
 mod table;
 mod viewpoints;
 mod views;
@@ -108,7 +107,7 @@ struct Picture {
 pub fn run(name: StudyName, options: &Options) -> Result<String> {
     let study = name.study();
     let plan = plan(study, options)?;
-    let results = carry_out(&plan)?;
+    let results = carry_out(&plan, &options.measure)?;
     let report = study.report(&results)?;
     output::write(name, study.question(), options, &results, &report)
 }
@@ -119,7 +118,9 @@ pub fn run(name: StudyName, options: &Options) -> Result<String> {
 /// As those of [`run`] before training.
 pub fn list(name: StudyName, options: &Options) -> Result<Vec<(String, State)>> {
     let plan = plan(name.study(), options)?;
-    let states = plan.iter().map(|p| Ok((p.name.clone(), p.state()?)));
+    let states = plan
+        .iter()
+        .map(|p| Ok((p.name.clone(), p.state(&options.measure)?)));
     states.collect()
 }
 

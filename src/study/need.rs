@@ -262,8 +262,17 @@ fn at_full_size(results: &Results) -> Result<Results> {
         let setting = Setting::of(base)?;
         let smaller = |run: &&mut Finished| run.scene == scene && run.variant.starts_with(SIZE);
         for run in runs.iter_mut().filter(smaller) {
-            run.evaluation = measure(&gpu, run, &setting.frame, &setting.scene.test)?;
+            run.evaluation = measure(
+                &gpu,
+                run,
+                &setting.frame,
+                &setting.scene.test,
+                &results.measure,
+            )?;
         }
     }
-    Ok(Results { runs })
+    Ok(Results {
+        runs,
+        measure: results.measure.clone(),
+    })
 }

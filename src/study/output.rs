@@ -91,13 +91,20 @@ fn caption(options: &Options, results: &Results) -> Result<String> {
         .map(|run| run.metrics.adapter.as_str())
         .collect();
     let adapters: Vec<&str> = adapters.into_iter().collect();
+    let mut lpips = results.runs.iter().filter_map(|run| {
+        let measured = run.evaluation.measured.as_ref()?;
+        Some(measured.lpips.as_ref()?.to_string())
+    });
+    let lpips = lpips
+        .next()
+        .map_or(String::new(), |which| format!("; LPIPS is {which}"));
     let n_tests = results.scenes().into_iter().map(|scene| {
         let run = results.runs.iter().find(|run| run.scene == scene);
         let n = run.map_or(0, |run| run.evaluation.views.len());
         format!("{n} test views of {scene}")
     });
     Ok(format!(
-        "{size}, {points}, {} iterations, seed{plural} {}{settings}; {}; {}; gspotential {}. {noise}",
+        "{size}, {points}, {} iterations, seed{plural} {}{settings}; {}{lpips}; {}; gspotential {}. {noise}",
         config.iterations,
         seeds.join(", "),
         n_tests.collect::<Vec<_>>().join(", "),

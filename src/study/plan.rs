@@ -4,11 +4,12 @@ use std::path::PathBuf;
 
 use crate::config::Config;
 use crate::error::{Error, Result};
+use crate::eval::EvalOptions;
 use crate::pipeline::TrainJob;
 use crate::scene::{Scene, SceneSource};
 
 /// What all runs of a study share.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Options {
     pub scenes: Vec<SceneSource>,
     /// Run directories go to its `runs/`, which studies with the same options may share.
@@ -20,6 +21,8 @@ pub struct Options {
     /// `key=value` for every run. They change what the presets share; what makes a preset or a
     /// variant what it is stays.
     pub settings: Vec<String>,
+    /// How test views are measured.
+    pub measure: EvalOptions,
 }
 
 /// One way to train a scene, the seed aside.

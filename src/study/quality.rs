@@ -1,9 +1,9 @@
 //! The columns that most studies share: PSNR, SSIM, LPIPS and what a change gains.
 
 use super::runs::{Finished, Results, Scope};
-use super::stats::Figure;
 use super::table::{Cell, Column};
 use crate::report::plot::Point;
+use crate::stats::Figure;
 
 pub const SCENE: Column = Column::text("scene", "scene");
 pub const PSNR: Column = Column::figure("psnr", "PSNR dB", 2);
@@ -55,7 +55,7 @@ pub fn psnr_at(scope: &Scope, variant: &str, x: f64) -> Option<Point> {
     Some(Point {
         x,
         y: figure.mean,
-        spread: figure.spread,
+        spread: figure.deviation,
     })
 }
 

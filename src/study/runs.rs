@@ -3,10 +3,11 @@
 use std::path::PathBuf;
 
 use super::plan::{Options, Variant};
-use super::stats::Figure;
 use crate::error::{Error, Result};
+use crate::eval::EvalOptions;
 use crate::pipeline::{self, TrainJob};
 use crate::run::{Evaluation, Metrics, RunDir};
+use crate::stats::Figure;
 
 /// A run to have.
 pub struct Planned {
@@ -48,7 +49,7 @@ impl Planned {
 
     /// # Errors
     /// The directory holds something else: another config, scene, or version, or no run.
-    pub fn state(&self) -> Result<State> {
+    pub fn state(&self, measure: &EvalOptions) -> Result<State> {
         if !self.root.join("config.json").exists() {
             RunDir::check(&self.root, false)?;
             return Ok(State::ToTrain);
@@ -70,9 +71,9 @@ impl Planned {
         if let Some(what) = self.difference(&metrics) {
             return Err(another(what));
         }
-        Ok(match run.evaluation() {
-            Ok(_) => State::Done,
-            Err(_) => State::ToMeasure,
+        Ok(match pipeline::evaluation_at_hand(&run, measure)? {
+            Some(_) => State::Done,
+            None => State::ToMeasure,
         })
     }
 
@@ -106,15 +107,15 @@ impl Planned {
     }
 
     /// Does what is left to do, and reads what there is then.
-    fn finish(&self, state: State) -> Result<Finished> {
+    fn finish(&self, state: State, measure: &EvalOptions) -> Result<Finished> {
         match state {
             State::ToTrain => {
                 // Only what an interruption left is replaced.
                 let overwrite = self.root.join("config.json").exists();
-                self.job.run(&self.root, overwrite)?;
+                self.job.run(&self.root, overwrite, measure)?;
             }
             State::ToMeasure => {
-                pipeline::evaluate(&RunDir::open(&self.root)?)?;
+                pipeline::evaluate(&RunDir::open(&self.root)?, measure)?;
             }
             State::Done => {}
         }
@@ -144,6 +145,8 @@ pub struct Finished {
 /// All that a study trained, in the order of the plan.
 pub struct Results {
     pub runs: Vec<Finished>,
+    /// How their test views were measured.
+    pub measure: EvalOptions,
 }
 
 impl Results {
@@ -207,12 +210,8 @@ impl Scope<'_> {
             .map(|scene| self.results.of(scene, variant));
         let runs: Vec<Vec<&Finished>> = runs.collect();
         let n_seeds = runs.iter().map(Vec::len).min()?;
-        let of_seed = |i: usize| -> Option<f64> {
-            let values: Option<Vec<f64>> = runs.iter().map(|runs| measure(runs[i])).collect();
-            Some(Figure::of(&values?)?.mean)
-        };
-        let values: Option<Vec<f64>> = (0..n_seeds).map(of_seed).collect();
-        Figure::of(&values?)
+        let of_seed = |i: usize| Some(Figure::of(runs.iter().map(|runs| measure(runs[i])))?.mean);
+        Figure::of((0..n_seeds).map(of_seed))
     }
 }
 
@@ -221,10 +220,10 @@ impl Scope<'_> {
 /// # Errors
 /// Before anything is trained: a directory that holds another run. After all that can be is
 /// done: runs that failed.
-pub fn carry_out(plan: &[Planned]) -> Result<Results> {
+pub fn carry_out(plan: &[Planned], measure: &EvalOptions) -> Result<Results> {
     let states = plan
         .iter()
-        .map(Planned::state)
+        .map(|planned| planned.state(measure))
         .collect::<Result<Vec<State>>>()?;
     let n_done = states.iter().filter(|state| **state == State::Done).count();
     eprintln!("{} runs, {n_done} of them done already", plan.len());
@@ -234,7 +233,7 @@ pub fn carry_out(plan: &[Planned]) -> Result<Results> {
         if state != State::Done {
             eprintln!("run {} of {}: {}", i + 1, plan.len(), planned.name);
         }
-        match planned.finish(state) {
+        match planned.finish(state, measure) {
             Ok(run) => runs.push(run),
             Err(e) => {
                 eprintln!("run {} failed: {e}", planned.name);
@@ -243,7 +242,10 @@ pub fn carry_out(plan: &[Planned]) -> Result<Results> {
         }
     }
     match failures.first() {
-        None => Ok(Results { runs }),
+        None => Ok(Results {
+            runs,
+            measure: measure.clone(),
+        }),
         Some((planned, e)) => Err(Error::new(format!(
             "{} of {} runs failed; the first: {}: {e}",
             failures.len(),

@@ -2,9 +2,9 @@
 
 use serde_json::{Map, Value, json};
 
-use super::stats::Figure;
 use crate::error::{Error, Result};
 use crate::report::Table;
+use crate::stats::Figure;
 
 /// A column: its name in files, its heading on paper.
 #[derive(Clone, Copy, Debug)]
@@ -81,10 +81,11 @@ impl DataTable {
         self.rows.push(cells.into_iter().collect());
     }
 
-    /// For people: figures as `mean ± spread`.
+    /// For people: figures as `mean ± deviation`.
     pub fn to_markdown(&self) -> String {
         let headings: Vec<&str> = self.columns.iter().map(|column| column.heading).collect();
-        let mut table = Table::new(&headings);
+        let n_text = self.columns.iter().take_while(|c| c.digits.is_none());
+        let mut table = Table::with_text(n_text.count(), &headings);
         for row in &self.rows {
             let cells = row.iter().zip(&self.columns);
             let cells: Vec<String> = cells.map(|(cell, column)| printed(cell, column)).collect();
@@ -93,12 +94,12 @@ impl DataTable {
         table.to_string()
     }
 
-    /// For programs: figures in full, each followed by its spread in a column `KEY_spread`.
+    /// For programs: figures in full, each followed by its standard deviation in a column `KEY_deviation`.
     pub fn to_csv(&self) -> Result<String> {
         let failed = |e: &dyn std::fmt::Display| Error::new(format!("{}.csv: {e}", self.name));
         let mut out = csv::Writer::from_writer(Vec::new());
         let header = self.columns.iter().flat_map(|column| match column.digits {
-            Some(_) => vec![column.key.to_owned(), format!("{}_spread", column.key)],
+            Some(_) => vec![column.key.to_owned(), format!("{}_deviation", column.key)],
             None => vec![column.key.to_owned()],
         });
         out.write_record(header).map_err(|e| failed(&e))?;
@@ -108,7 +109,7 @@ impl DataTable {
                 Cell::Text(text) => vec![text.clone()],
                 Cell::Figure(figure) => vec![
                     number(figure.map(|f| f.mean)),
-                    number(figure.and_then(|f| f.spread)),
+                    number(figure.and_then(|f| f.deviation)),
                 ],
             });
             out.write_record(record).map_err(|e| failed(&e))?;
@@ -142,10 +143,9 @@ fn printed(cell: &Cell, column: &Column) -> String {
     match cell {
         Cell::Text(text) => text.clone(),
         Cell::Figure(None) => "n/a".to_owned(),
-        Cell::Figure(Some(Figure { mean, spread: None })) => format!("{mean:.digits$}"),
-        Cell::Figure(Some(Figure {
-            mean,
-            spread: Some(spread),
-        })) => format!("{mean:.digits$} ± {spread:.digits$}"),
+        Cell::Figure(Some(Figure { mean, deviation })) => match deviation {
+            Some(deviation) => format!("{mean:.digits$} ± {deviation:.digits$}"),
+            None => format!("{mean:.digits$}"),
+        },
     }
 }

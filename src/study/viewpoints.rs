@@ -3,11 +3,10 @@
 use glam::DVec3;
 
 use super::runs::Finished;
-use super::stats::{Figure, partial_spearman, spearman};
 use crate::camera::{Camera, Frame};
 use crate::config::FieldConfig;
 use crate::error::Result;
-use crate::eval;
+use crate::eval::{self, EvalOptions};
 use crate::field::{Field, Focus, angle};
 use crate::gaussians::ply::read_ply;
 use crate::gpu::Gpu;
@@ -17,6 +16,7 @@ use crate::report::plot::{Axis, Plot, Point, Style};
 use crate::run::Evaluation;
 use crate::scene::builtin::{self, surface_distance};
 use crate::scene::{Scene, SceneSource, View};
+use crate::stats::{Figure, partial_spearman, spearman};
 use crate::views::candidates;
 
 /// Directions tried on the sphere; those below the floor or in an object fall out.
@@ -87,6 +87,7 @@ impl Setting {
             .map(|camera| View {
                 image: builtin::render(&camera),
                 camera,
+                mask: None,
             })
             .collect())
     }
@@ -100,12 +101,23 @@ pub fn cameras(views: &[View]) -> Vec<Camera> {
 ///
 /// # Errors
 /// A GPU fault, or a view that the adapter cannot hold.
-pub fn measure(gpu: &Gpu, run: &Finished, frame: &Frame, views: &[View]) -> Result<Evaluation> {
-    let kernels = Kernels::new(gpu);
+pub fn measure(
+    gpu: &Gpu,
+    run: &Finished,
+    frame: &Frame,
+    views: &[View],
+    options: &EvalOptions,
+) -> Result<Evaluation> {
+    let device = (gpu, &Kernels::new(gpu));
     let gaussians = read_ply(&run.run.point_cloud())?.to_canonical(frame);
     let config = &run.job.config.model;
-    let renders = eval::render_views(gpu, &kernels, &gaussians, frame, views, config)?;
-    eval::score(&renders, views, gaussians.len(), run.evaluation.train_s)
+    let mut scores = Vec::with_capacity(views.len());
+    eval::render_views(device, &gaussians, frame, views, config, |view, render| {
+        scores.push(eval::score(render, view, options)?);
+        Ok(())
+    })?;
+    let train_s = run.evaluation.train_s;
+    Ok(Evaluation::new(scores, gaussians.len(), train_s))
 }
 
 /// Rank correlation of a predictor with the PSNR of every seed, whole and given the angles.
@@ -117,8 +129,7 @@ pub fn correlations(predictor: &[f64], psnr: &[Vec<f64>], angles: &[f64]) -> [Op
     let partial = psnr
         .iter()
         .map(|psnr| partial_spearman(predictor, psnr, angles));
-    let figure = |values: Option<Vec<f64>>| Figure::of(&values?);
-    [figure(whole.collect()), figure(partial.collect())]
+    [Figure::of(whole), Figure::of(partial)]
 }
 
 /// PSNR, the mean over the seeds, against a predictor; colour is the angle to the nearest view.

@@ -1,9 +1,13 @@
-//! Means, spreads, rank correlation, and the tables that show them.
+//! Means, deviations, rank correlation, and the tables that show them.
 
 use glam::DVec3;
 use gspotential::scene::builtin::{test_cameras, train_cameras};
-use gspotential::study::stats::{Figure, partial_spearman, spearman};
+use gspotential::stats::{Figure, partial_spearman, spearman};
 use gspotential::study::{Cell, Column, DataTable, spread_order};
+
+fn figure(values: &[f64]) -> Option<Figure> {
+    Figure::of(values.iter().copied().map(Some))
+}
 
 #[test]
 fn spearman_is_known_from_textbooks_with_and_without_ties() {
@@ -50,20 +54,20 @@ fn partial_spearman_takes_out_what_a_third_ranking_explains() {
 
 #[test]
 fn a_figure_is_a_mean_and_a_sample_standard_deviation() {
-    let figure = Figure::of(&[2.0, 4.0, 4.0, 6.0]).expect("values");
-    assert_eq!(figure.mean, 4.0);
-    assert!((figure.spread.expect("several") - (8.0f64 / 3.0).sqrt()).abs() < 1e-15);
-    assert_eq!(Figure::of(&[5.0]), Some(Figure::exact(5.0)));
-    assert_eq!(Figure::of(&[]), None);
+    let of_four = figure(&[2.0, 4.0, 4.0, 6.0]).expect("values");
+    assert_eq!(of_four.mean, 4.0);
+    assert!((of_four.deviation.expect("several") - (8.0f64 / 3.0).sqrt()).abs() < 1e-15);
+    assert_eq!(figure(&[5.0]), Some(Figure::exact(5.0)));
+    assert_eq!(figure(&[]), None);
 }
 
 #[test]
 fn a_difference_inside_the_spread_is_noise_and_one_seed_cannot_tell() {
-    let figure = |mean, spread| Figure { mean, spread };
-    let base = figure(10.0, Some(0.3));
+    let about = |mean, deviation| Figure { mean, deviation };
+    let base = about(10.0, Some(0.3));
     // sqrt(0.3^2 + 0.4^2) = 0.5.
     for (mean, expected) in [(10.49, true), (10.51, false), (9.49, false), (9.51, true)] {
-        let other = figure(mean, Some(0.4));
+        let other = about(mean, Some(0.4));
         assert_eq!(other.is_within_noise_of(&base), Some(expected), "{mean}");
         assert_eq!(base.is_within_noise_of(&other), Some(expected), "{mean}");
     }
@@ -77,7 +81,7 @@ fn a_table_says_the_same_as_markdown_csv_and_json() {
         Column::figure("psnr", "PSNR dB", 2),
     ];
     let mut table = DataTable::new("some", &columns);
-    table.row(["a, \"b\" | c".into(), Figure::of(&[16.0, 17.0]).into()]);
+    table.row(["a, \"b\" | c".into(), figure(&[16.0, 17.0]).into()]);
     table.row(["one".into(), Some(Figure::exact(16.126)).into()]);
     table.row(["none".into(), Cell::Figure(None)]);
     let markdown = table.to_markdown();
@@ -87,13 +91,13 @@ fn a_table_says_the_same_as_markdown_csv_and_json() {
     assert!(lines[3].ends_with(" 16.13 |") && lines[4].ends_with(" n/a |"));
     assert_eq!(
         table.to_csv().expect("text"),
-        "name,psnr,psnr_spread\n\"a, \"\"b\"\" | c\",16.5,0.7071067811865476\none,16.126,\nnone,,\n"
+        "name,psnr,psnr_deviation\n\"a, \"\"b\"\" | c\",16.5,0.7071067811865476\none,16.126,\nnone,,\n"
     );
     assert_eq!(
         table.to_json(),
         serde_json::json!({"name": "some", "rows": [
-            {"name": "a, \"b\" | c", "psnr": {"mean": 16.5, "spread": 0.5f64.sqrt()}},
-            {"name": "one", "psnr": {"mean": 16.126, "spread": null}},
+            {"name": "a, \"b\" | c", "psnr": {"mean": 16.5, "deviation": 0.5f64.sqrt()}},
+            {"name": "one", "psnr": {"mean": 16.126, "deviation": null}},
             {"name": "none", "psnr": null},
         ]})
     );

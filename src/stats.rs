@@ -6,22 +6,21 @@ use serde::Serialize;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Figure {
     pub mean: f64,
-    /// Sample standard deviation; null for a single value, whose spread is not known.
-    pub spread: Option<f64>,
+    /// Sample standard deviation; none of a single value.
+    pub deviation: Option<f64>,
 }
 
 impl Figure {
-    /// `None` without a value.
-    pub fn of(values: &[f64]) -> Option<Figure> {
+    /// Of values that are all there, at least one.
+    pub fn of(values: impl Iterator<Item = Option<f64>>) -> Option<Figure> {
+        let values = values.collect::<Option<Vec<f64>>>()?;
         let n = values.len() as f64;
-        if values.is_empty() {
-            return None;
-        }
         let mean = values.iter().sum::<f64>() / n;
         let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-        Some(Figure {
+        (!values.is_empty()).then_some(Figure {
             mean,
-            spread: (values.len() > 1).then(|| (squares / (n - 1.0)).sqrt()),
+            // An infinite value has none.
+            deviation: (n > 1.0 && mean.is_finite()).then(|| (squares / (n - 1.0)).sqrt()),
         })
     }
 
@@ -29,15 +28,15 @@ impl Figure {
     pub fn exact(value: f64) -> Figure {
         Figure {
             mean: value,
-            spread: None,
+            deviation: None,
         }
     }
 
     /// Whether the difference of the means is no larger than the standard deviation of the
-    /// difference between two single runs, `sqrt(s_a^2 + s_b^2)`; `None` where a spread is not
-    /// known.
+    /// difference between two single runs, `sqrt(s_a^2 + s_b^2)`; `None` where a deviation is
+    /// not known.
     pub fn is_within_noise_of(&self, other: &Figure) -> Option<bool> {
-        let noise = self.spread?.hypot(other.spread?);
+        let noise = self.deviation?.hypot(other.deviation?);
         Some((self.mean - other.mean).abs() <= noise)
     }
 }
