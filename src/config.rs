@@ -59,8 +59,8 @@ pub struct CarveConfig {
     pub threshold: f64,
     /// Side of the window, pixels, odd.
     pub window_px: u32,
-    /// A point is not judged where the window shows another that is nearer by more than this
-    /// share of its depth: it may be seen through a gap.
+    /// A point is seen through a gap, and not judged, where another close by is nearer by more
+    /// than this share of its depth.
     pub depth_tolerance: f64,
     /// Rounds at most; without a point to remove there is none.
     pub max_rounds: u32,

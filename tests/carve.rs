@@ -162,25 +162,31 @@ fn a_view_that_sees_a_point_accuses_it_though_another_agrees() {
 #[test]
 fn carving_stops_before_it_takes_too_much() {
     let black = [plain(from_the_right(), [0; 3])];
-    let white = wall(0.0, 1.0, WHITE);
-    let nothing = carved(&white, &black, &config());
-    assert_eq!((&nothing.cloud, nothing.removed.len()), (&white, 0));
+    let at_most = |max_share: f64| {
+        let config = CarveConfig {
+            max_share,
+            ..config()
+        };
+        carved(&wall(0.0, 1.0, WHITE), &black, &config)
+    };
+    // Of 6,561 points each round sees the nearest of some thousand pixels.
+    let nothing = at_most(0.1);
+    assert_eq!(nothing.cloud, wall(0.0, 1.0, WHITE));
+    assert_eq!(nothing.removed, Vec::<usize>::new());
     let warning = nothing.warning.unwrap();
     assert!(
-        warning.contains("carve.max_share") && warning.contains("6561"),
+        warning.contains("after 0 rounds") && warning.contains("of 6561"),
         "{warning}"
     );
-
-    // A first layer may go, the second is too much.
-    let layered = joined(wall(1.5, 0.5, RED), white);
-    let stopped = carved(&layered, &black, &config());
-    assert_eq!(stopped.removed.len(), 1);
-    assert!(stopped.warning.unwrap().contains("after 1 rounds"));
-    let enough = CarveConfig {
-        max_share: 0.99,
-        ..config()
-    };
-    assert!(carved(&layered, &black, &enough).removed.len() > 1);
+    let one = at_most(0.25);
+    assert_eq!(one.removed.len(), 1);
+    assert_eq!(one.cloud.len(), 6561 - one.removed[0]);
+    let warning = one.warning.unwrap();
+    assert!(
+        warning.contains("after 1 rounds") && warning.contains("carve.max_share, 0.25"),
+        "{warning}"
+    );
+    assert!(at_most(0.9).removed.len() > 2);
 }
 
 #[test]
@@ -201,7 +207,12 @@ fn nothing_to_judge_is_nothing_to_carve() {
 
 /// The rule, pixel by pixel.
 fn twin(mut points: PointCloud, views: &[View], config: &CarveConfig) -> (PointCloud, Vec<usize>) {
-    let reach = config.window_px as i64 / 2;
+    let reach = i64::from(config.window_px) / 2;
+    let n_pixels: usize = views.iter().map(|v| v.image.rgb.len() / 3).sum();
+    // The smallest reach whose window holds 3 points on average.
+    let gap = (0i64..)
+        .find(|g| (2 * g + 1).pow(2) as f64 >= 3.0 * n_pixels as f64 / points.len() as f64)
+        .unwrap();
     let mut removed = Vec::new();
     for _ in 0..config.max_rounds {
         let mut kept = vec![true; points.len()];
@@ -214,20 +225,24 @@ fn twin(mut points: PointCloud, views: &[View], config: &CarveConfig) -> (PointC
             for (pixel, winner) in winners.iter().enumerate() {
                 let Some(k) = *winner else { continue };
                 let (x, y) = (pixel as i64 % width, pixel as i64 / width);
-                let window: Vec<usize> = (y - reach..=y + reach)
-                    .flat_map(|y| (x - reach..=x + reach).map(move |x| (x, y)))
-                    .filter(|&(x, y)| (0..width).contains(&x) && (0..height).contains(&y))
-                    .map(|(x, y)| (y * width + x) as usize)
-                    .collect();
+                let window = |reach: i64| -> Vec<usize> {
+                    (y - reach..=y + reach)
+                        .flat_map(|y| (x - reach..=x + reach).map(move |x| (x, y)))
+                        .filter(|&(x, y)| (0..width).contains(&x) && (0..height).contains(&y))
+                        .map(|(x, y)| (y * width + x) as usize)
+                        .collect()
+                };
                 let front = depth(k) * (1.0 - config.depth_tolerance);
-                if window
+                if window(gap)
                     .iter()
                     .any(|&i| winners[i].is_some_and(|n| depth(n) < front))
                 {
                     continue;
                 }
                 let excess = (0..3).map(|c| {
-                    let values = window.iter().map(|&i| f64::from(image.rgb[3 * i + c]));
+                    let values = window(reach)
+                        .into_iter()
+                        .map(|i| f64::from(image.rgb[3 * i + c]));
                     let (low, high) =
                         values.fold((255.0f64, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
                     let q = f64::from(points.colors[k][c]);
@@ -251,13 +266,14 @@ fn twin(mut points: PointCloud, views: &[View], config: &CarveConfig) -> (PointC
 #[test]
 fn carving_agrees_with_the_rule_pixel_by_pixel() {
     let mut random = Random::new(5);
-    let mut points = cloud((0..1500).map(|_| random.in_cube(1.0)).collect());
+    let slab = (0..800).map(|_| random.in_cube(1.0) * dvec3(1.0, 1.0, 0.2));
+    let mut points = cloud(slab.collect());
     for color in &mut points.colors {
         *color = [0; 3].map(|_: u8| random.index(256) as u8);
     }
     let mut views: Vec<View> = ring(3, DVec3::ZERO)
         .into_iter()
-        .map(|c| plain(c, WHITE))
+        .map(|c| plain(c.resized(40, 30), WHITE))
         .collect();
     for view in &mut views {
         view.image
@@ -265,12 +281,9 @@ fn carving_agrees_with_the_rule_pixel_by_pixel() {
             .iter_mut()
             .for_each(|v| *v = 80 + random.index(90) as u8);
     }
-    for (threshold, window_px, depth_tolerance) in [
-        (0.2, 5, 0.05),
-        (0.1, 5, 0.3),
-        (0.2, 1, 0.05),
-        (0.3, 9, 0.02),
-    ] {
+    for (threshold, window_px, depth_tolerance) in
+        [(0.2, 5, 0.2), (0.1, 5, 0.9), (0.2, 1, 0.1), (0.3, 9, 0.15)]
+    {
         let config = CarveConfig {
             threshold,
             window_px,
@@ -289,7 +302,7 @@ fn carving_agrees_with_the_rule_pixel_by_pixel() {
         let (expected, removed) = twin(points.clone(), &views, &config);
         assert_eq!(found.removed, removed);
         assert!(found.cloud == expected);
-        assert!(removed.len() > 2 && removed[0] > 50, "{removed:?}");
+        assert!(removed.len() > 2 && removed[0] > 40, "{removed:?}");
         // One value of a photograph makes a difference somewhere.
         let mut other = views.clone();
         other[1].image.rgb.iter_mut().for_each(|v| *v += 5);
@@ -322,7 +335,7 @@ fn carving_brings_the_cloud_nearer_to_photographs_that_it_has_not_seen() {
     );
     let n_removed: usize = result.removed.iter().sum();
     assert!(n_removed > 0 && n_removed < scene.cloud.len() / 5);
-    assert!(after.psnr_covered.unwrap() > before.psnr_covered.unwrap() + 0.2);
+    assert!(after.psnr_covered.unwrap() > before.psnr_covered.unwrap() + 0.1);
     // What is left agrees with all photographs that see it.
     let again = carve(&result.cloud, &frame, &scene.train, &config(), NEAR).unwrap();
     assert_eq!(again.removed, Vec::<usize>::new());
@@ -356,7 +369,10 @@ fn a_run_starts_and_splats_from_the_carved_cloud() {
     let prepared = prepare(&scene, &config, &mut seconds).unwrap();
     assert!(seconds.carve.is_some());
     let cloud = &prepared.carved.as_ref().expect("a carved cloud").cloud;
-    assert!(!cloud.colors.contains(&[255, 0, 255]));
+    // A window that holds black and white excuses any colour, so a few points stay.
+    let magenta = |c: &PointCloud| c.colors.iter().filter(|c| **c == [255, 0, 255]).count();
+    assert_eq!(magenta(&scene.cloud), 400);
+    assert!(magenta(cloud) < 40, "{}", magenta(cloud));
     assert_eq!(prepared.start.len(), cloud.len());
     // The same places, other goals: the splats changed with the cloud.
     assert_eq!(prepared.virtual_cameras, plain.virtual_cameras);
