@@ -7,6 +7,7 @@ use std::process::{Command, Output};
 
 use serde_json::Value;
 
+use crate::metrics::lpips_reference::{ALEX, generated};
 use crate::scene::build::{Folder, GOOD_PLY};
 
 fn study(folder: &Path, args: &str) -> Output {
@@ -252,6 +253,24 @@ fn figures_are_means_over_scenes_and_seeds() {
     check(row(&scene_name), own(&scene_name));
     let both = [3, 5].map(|seed| 0.5 * (psnr("builtin", seed) + psnr(&scene_name, seed)));
     check(row("mean of 2"), both);
+}
+
+#[test]
+fn lpips_that_is_asked_for_later_is_measured_without_training() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = format!("sampling {TINY} --seeds 0").replace("builtin:32", "builtin:48");
+    let (report, _) = succeeds(folder.path(), &args);
+    assert_eq!(report.matches("n/a").count(), 5, "{report}");
+    let weights = generated(ALEX).bytes();
+    fs::write(folder.path().join("alex.safetensors"), weights).unwrap();
+    let args = args + " --lpips-weights alex.safetensors";
+    let (report, log) = succeeds(folder.path(), &args);
+    assert!(!log.contains("adapter: "), "trains again: {log}");
+    assert!(report.contains("LPIPS is lpips(alex,[0,1])"), "{report}");
+    let data = json(&folder.path().join("studies/sampling.json"));
+    for row in data["tables"][0]["rows"].as_array().expect("rows") {
+        assert!(row["lpips"]["mean"].as_f64() > Some(0.0), "{row}");
+    }
 }
 
 #[test]
