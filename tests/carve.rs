@@ -38,6 +38,7 @@ fn plain(camera: Camera, color: [u8; 3]) -> View {
             height: camera.height,
             rgb: color.repeat(n),
         },
+        mask: None,
         camera,
     }
 }
@@ -215,7 +216,7 @@ fn twin(mut points: PointCloud, views: &[View], config: &CarveConfig) -> (PointC
     let mut removed = Vec::new();
     for _ in 0..config.max_rounds {
         let mut kept = vec![true; points.len()];
-        for View { camera, image } in views {
+        for View { camera, image, .. } in views {
             let winners = brute_force(&points, camera, 1, NEAR);
             let depth = |k: usize| {
                 f64::from((camera.rotation * points.positions[k] + camera.translation).z as f32)
