@@ -13,17 +13,21 @@
 //! ```
 
 mod checkpoints;
+mod evaluation;
 mod lock;
 mod names;
 mod record;
 mod stop;
 
 pub use checkpoints::{Checkpoints, Found};
+pub use evaluation::{
+    Evaluation, LpipsRecord, MaskedMean, MaskedScore, Mean, Measured, PointSplatScore, Renders,
+    ViewScore, mean,
+};
 pub use names::file_names;
 pub use record::{
-    CurvePoint, Evaluation, ImageLoss, JobRecord, LossSample, Mean, Memory, Metrics, ModelSize,
-    PlanCounts, PointSplatScore, PoseProtocol, SceneRecord, Seconds, ViewScore, mean,
-    peak_host_bytes,
+    CurvePoint, ImageLoss, JobRecord, LossSample, Memory, Metrics, ModelSize, PlanCounts,
+    PoseProtocol, SceneRecord, Seconds, peak_host_bytes,
 };
 pub use stop::{Gentle, Stop};
 
@@ -56,7 +60,7 @@ const JOB: &str = "checkpoints/job.json";
 pub struct RunDir {
     root: PathBuf,
     /// Where this process writes the run.
-    _lock: Option<Arc<RunLock>>,
+    lock: Option<Arc<RunLock>>,
 }
 
 impl RunDir {
@@ -86,7 +90,7 @@ impl RunDir {
         check_contents(root, overwrite)?;
         let run = RunDir {
             root: root.to_owned(),
-            _lock: Some(Arc::new(lock)),
+            lock: Some(Arc::new(lock)),
         };
         // What is left of an interrupted start is always known as a run, for its config, and never
         // as a finished one.
@@ -94,7 +98,7 @@ impl RunDir {
             remove(&run.root.join(name), |path| std::fs::remove_file(path))?;
         }
         run.checkpoints().clear()?;
-        write_file(&run.root.join("config.json"), config.to_json()?.as_bytes())?;
+        write_file(&run.config_file(), config.to_json()?.as_bytes())?;
         for name in FOLDERS {
             let folder = run.root.join(name);
             remove(&folder, |path| std::fs::remove_dir_all(path))?;
@@ -112,7 +116,7 @@ impl RunDir {
         }
         Ok(RunDir {
             root: root.to_owned(),
-            _lock: None,
+            lock: None,
         })
     }
 
@@ -120,9 +124,17 @@ impl RunDir {
     pub fn claim(root: &Path) -> Result<RunDir> {
         let run = Self::open(root)?;
         Ok(RunDir {
-            _lock: Some(Arc::new(RunLock::take(root)?)),
+            lock: Some(Arc::new(RunLock::take(root)?)),
             ..run
         })
+    }
+
+    /// This run to write, too; locked by this value or by the result.
+    pub fn claimed(&self) -> Result<RunDir> {
+        match self.lock {
+            Some(_) => Ok(self.clone()),
+            None => Self::claim(&self.root),
+        }
     }
 
     /// Whether training and evaluation have ended; `metrics.json` is written last.
@@ -185,9 +197,14 @@ impl RunDir {
         self.root.join("test")
     }
 
+    /// The file of the resolved config that the run was trained with.
+    pub fn config_file(&self) -> PathBuf {
+        self.root.join("config.json")
+    }
+
     /// The resolved config that the run was trained with.
     pub fn config(&self) -> Result<Config> {
-        Config::from_file(&self.root.join("config.json"))
+        Config::from_file(&self.config_file())
     }
 
     pub fn write_metrics(&self, metrics: &Metrics) -> Result<()> {
@@ -195,6 +212,12 @@ impl RunDir {
     }
 
     pub fn metrics(&self) -> Result<Metrics> {
+        if !self.is_finished() {
+            let root = self.root.display();
+            return Err(Error::new("is missing: the run is not finished")
+                .at_path(&self.root.join("metrics.json"))
+                .way_out(format!("go on with `gspotential train --resume {root}`")));
+        }
         self.read_json("metrics.json")
     }
 
@@ -203,7 +226,8 @@ impl RunDir {
     }
 
     pub fn evaluation(&self) -> Result<Evaluation> {
-        self.read_json("eval.json")
+        let evaluation: Evaluation = self.read_json("eval.json")?;
+        Ok(evaluation.with_infinities())
     }
 
     fn write_json(&self, name: &str, value: &impl Serialize) -> Result<()> {

@@ -3,8 +3,10 @@
 mod architecture;
 mod builtin;
 mod cameras_json;
+mod carve;
 mod cli;
 mod commands;
+mod comparison;
 mod config;
 mod faults;
 mod field;
@@ -20,5 +22,7 @@ mod report;
 mod run;
 mod scene;
 mod splat;
+mod study;
 mod twins;
 mod views;
+mod visibility;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::measure::MeasureArgs;
 use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
 use crate::pipeline::{Resumed, TrainJob};
@@ -93,19 +94,23 @@ pub struct TrainArgs {
     #[arg(long)]
     overwrite: bool,
 
-    /// Go on with a run that was stopped, with everything as it was started
+    /// Go on with a run that was stopped, with everything as it was started; how it is measured
+    /// may be said again
     #[arg(long, value_name = "RUN", conflicts_with_all = [
         "scene", "out", "preset", "config", "settings", "iterations", "max_size", "max_points",
         "seed", "train_views", "test_views", "cloud", "eval_every", "overwrite",
     ])]
     resume: Option<PathBuf>,
+
+    #[command(flatten)]
+    measure: MeasureArgs,
 }
 
 impl TrainArgs {
     pub fn run(self) -> Result<()> {
         let checkpoint_every = self.checkpoint_every.map(NonZeroU32::get);
         if let Some(root) = &self.resume {
-            return match TrainJob::resume(root, checkpoint_every)? {
+            return match TrainJob::resume(root, checkpoint_every, &self.measure.options()?)? {
                 Resumed::Trained(run, evaluation) => report(&run, &evaluation),
                 Resumed::WasFinished(run) => {
                     eprintln!(
@@ -134,7 +139,7 @@ impl TrainArgs {
         let out = self
             .out
             .unwrap_or_else(|| RunDir::default_path(&job.source.name(), &job.config));
-        let (run, evaluation) = job.run(&out, self.overwrite)?;
+        let (run, evaluation) = job.run(&out, self.overwrite, &self.measure.options()?)?;
         report(&run, &evaluation)
     }
 

@@ -6,6 +6,7 @@ use std::time::Instant;
 use super::{load_scene, train};
 use crate::config::Config;
 use crate::error::{Error, Result};
+use crate::eval::EvalOptions;
 use crate::gpu::Gpu;
 use crate::run::{Evaluation, RunDir, SceneRecord, Stop};
 use crate::scene::{CloudSource, LoadOptions, Scene, SceneSource};
@@ -102,24 +103,35 @@ impl TrainJob {
     ///
     /// # Errors
     /// Anything that fails on the way. Nothing is written before the scene is loaded.
-    pub fn run(&self, out: &Path, overwrite: bool) -> Result<(RunDir, Evaluation)> {
+    pub fn run(
+        &self,
+        out: &Path,
+        overwrite: bool,
+        options: &EvalOptions,
+    ) -> Result<(RunDir, Evaluation)> {
         RunDir::check(out, overwrite)?;
         // Before anything takes time or is written: a machine without an adapter is told at once,
         // and the same command works once it has one.
         let gpu = open_gpu()?;
         let (scene, load_s) = timed(|| self.load())?;
+        options.check(&scene.test)?;
         let run = RunDir::create(out, &self.config, overwrite)?;
-        let evaluation = train(&gpu, &scene, self, load_s, &run, &Stop::on_signals()?)?;
+        let stop = Stop::on_signals()?;
+        let evaluation = train(&gpu, &scene, self, load_s, options, &run, &stop)?;
         Ok((run, evaluation))
     }
 
-    /// Goes on with the run in `root` where it was stopped; `checkpoint_every` replaces what it
-    /// was started with.
+    /// Goes on with the run in `root` where it was stopped, measures it as `options` say;
+    /// `checkpoint_every` replaces what it was started with.
     ///
     /// # Errors
     /// No run, another process at work on it, a scene or config that is not what it was, and
     /// anything that fails on the way.
-    pub fn resume(root: &Path, checkpoint_every: Option<u32>) -> Result<Resumed> {
+    pub fn resume(
+        root: &Path,
+        checkpoint_every: Option<u32>,
+        options: &EvalOptions,
+    ) -> Result<Resumed> {
         let run = RunDir::claim(root)?;
         if run.is_finished() {
             run.checkpoints().clear()?;
@@ -133,7 +145,8 @@ impl TrainJob {
             ..Self::recorded(&record.scene, run.config()?)?
         };
         let (scene, load_s) = timed(|| job.load_again())?;
-        let evaluation = train(&gpu, &scene, &job, load_s, &run, &Stop::on_signals()?)?;
+        let stop = Stop::on_signals()?;
+        let evaluation = train(&gpu, &scene, &job, load_s, options, &run, &stop)?;
         Ok(Resumed::Trained(run, evaluation))
     }
 }

@@ -4,10 +4,9 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
 use super::Prepared;
-use crate::config::{Config, differing_keys};
+use crate::config::Config;
 use crate::error::{Error, ErrorKind, Result};
 use crate::gpu::Gpu;
 use crate::run::{CurvePoint, Found, RunDir, Stop};
@@ -27,7 +26,7 @@ const MAX_LISTED: usize = 4;
 pub(super) struct Identity {
     /// Program and adapter: on others the bits differ.
     made_by: String,
-    config: Value,
+    config: Config,
     /// Checksums by name.
     scene: BTreeMap<String, u32>,
 }
@@ -36,8 +35,11 @@ impl Identity {
     pub(super) fn new(gpu: &Gpu, config: &Config, scene: &Scene, start: &Prepared) -> Result<Self> {
         let mut sums = fingerprint(&start.supervision, &start.start);
         for view in &scene.test {
-            let name = format!("test image of `{}`", view.camera.name);
-            sums.insert(name, crc32fast::hash(&view.image.rgb));
+            let name = &view.camera.name;
+            let image = crc32fast::hash(&view.image.rgb);
+            sums.insert(format!("test image of `{name}`"), image);
+            let mask: Vec<u8> = view.mask.iter().flatten().map(|&set| set.into()).collect();
+            sums.insert(format!("test mask of `{name}`"), crc32fast::hash(&mask));
         }
         Ok(Identity {
             made_by: format!(
@@ -45,14 +47,17 @@ impl Identity {
                 env!("CARGO_PKG_VERSION"),
                 gpu.describe()
             ),
-            config: config.tree()?,
+            config: config.clone(),
             scene: sums,
         })
     }
 
     /// Refuses the checkpoint of another run; returns a warning where only the bits may differ.
     fn admit(&self, kept: &Identity) -> Result<Option<String>> {
-        let keys = differing_keys(&self.config, &kept.config);
+        let keys = self.config.differences(&kept.config)?.into_iter();
+        let keys: Vec<String> = keys
+            .map(|(key, now, then)| format!("`{key}` is {now}, was {then}"))
+            .collect();
         refuse("config.json is not what it was", &keys)?;
         let names = self.scene.keys().chain(kept.scene.keys());
         let mut parts: Vec<String> = names

@@ -6,10 +6,11 @@ mod keep;
 mod prepare;
 mod render;
 mod train;
+mod watch;
 
-pub use evaluate::evaluate;
+pub use evaluate::{evaluate, evaluation_at_hand};
 pub use job::{Resumed, TrainJob};
-pub use prepare::{Prepared, prepare};
+pub use prepare::{Prepared, n_start, prepare};
 pub use render::render;
 pub use train::train;
 
@@ -68,7 +69,10 @@ pub fn load_scene(source: &SceneSource, options: &LoadOptions) -> Result<Scene> 
 }
 
 /// Focus and frame of a scene's training cameras.
-fn focus_of(scene: &Scene) -> Result<(Focus, Frame)> {
+///
+/// # Errors
+/// A camera layout without a sphere.
+pub fn focus_of(scene: &Scene) -> Result<(Focus, Frame)> {
     let focus = Focus::find(&cameras(&scene.train), &scene.cloud)?;
     let frame = focus.frame();
     Ok((focus, frame))

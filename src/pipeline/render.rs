@@ -82,7 +82,7 @@ fn choose(job: &RenderJob, config: &Config) -> Result<(Vec<Camera>, Frame)> {
                 Some(ViewSelection::Test) | None => cameras(&scene.test),
                 Some(ViewSelection::Virtual) => {
                     let field = Field::new(&train, &focus, &config.field);
-                    let views = virtual_views(&train, &focus, &field, config)?;
+                    let views = virtual_views(&train, &focus, &field, None, config)?;
                     views.into_iter().map(|view| view.camera).collect()
                 }
                 Some(ViewSelection::Names(names)) => {

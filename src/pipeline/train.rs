@@ -3,42 +3,45 @@
 use std::time::Instant;
 
 use super::keep::{Identity, Keeper, Log};
+use super::watch::{Curve, Watch, curve_point};
 use super::{Clock, Prepared, TrainJob, cameras, evaluate, prepare};
-use crate::camera::Frame;
 use crate::cameras_json::write_cameras;
 use crate::config::Config;
 use crate::error::{Error, ErrorKind, Result};
-use crate::eval;
+use crate::eval::EvalOptions;
 use crate::gaussians::ply::write_ply;
 use crate::gpu::Gpu;
 use crate::progress::Progress;
-use crate::render::{Kernels, Model, Renderer, most_gaussians};
+use crate::render::{Kernels, Renderer, most_gaussians};
 use crate::report::{ContactSheet, mask_image, write_png};
 use crate::run::{
-    CurvePoint, Evaluation, JobRecord, LossSample, Memory, Metrics, ModelSize, PoseProtocol,
-    RunDir, SceneRecord, Seconds, Stop, peak_host_bytes,
+    Evaluation, JobRecord, Memory, Metrics, ModelSize, PoseProtocol, RunDir, SceneRecord, Seconds,
+    Stop, peak_host_bytes,
 };
-use crate::scene::{Image, Scene, View};
-use crate::train::{Observer, PlanRecord, Trained, Trainer, TrainingView};
+use crate::scene::{Image, PointCloud, Scene, View};
+use crate::train::{PlanRecord, Trained, Trainer, TrainingView};
 
-/// Trains on `scene`, which is `job`'s, evaluates at its test views and writes all into `run`;
-/// `load_s` is how long loading took. Goes on from the run's newest checkpoint, where there is
-/// one, and once more from there where the device is lost on the way.
+/// Trains on `scene`, which is `job`'s, evaluates at its test views as `options` say and writes all
+/// into `run`; `load_s` is how long loading took. Goes on from the run's newest checkpoint, where
+/// there is one, and once more from there where the device is lost on the way.
 pub fn train(
     gpu: &Gpu,
     scene: &Scene,
     job: &TrainJob,
     load_s: f64,
+    options: &EvalOptions,
     run: &RunDir,
     stop: &Stop,
 ) -> Result<Evaluation> {
+    options.check(&scene.test)?;
+    // Of the files as they are now: a mask that is drawn while training runs was not loaded.
+    let stamp = job.source.stamp();
     let mut seconds = Seconds {
         load: Some(load_s),
         ..Seconds::default()
     };
-    let record = record(scene, job);
     run.write_job(&JobRecord {
-        scene: record.clone(),
+        scene: record(scene, job),
         eval_every: job.eval_every,
         checkpoint_every: job.checkpoint_every,
     })?;
@@ -46,24 +49,30 @@ pub fn train(
     for warning in &prepared.warnings {
         eprintln!("warning: {warning}");
     }
-    eprintln!(
-        "{} Gaussians from {} points",
-        prepared.start.len(),
-        scene.cloud.len()
-    );
-    write_virtual_sheet(run, &prepared.supervision.virtual_views)?;
-    let virtual_cameras = prepared.virtual_cameras.clone();
-    let all = [cameras(&scene.train), cameras(&scene.test), virtual_cameras].concat();
-    write_cameras(&run.cameras(), &all)?;
-
+    if let Some(carved) = &prepared.carved {
+        log_carving(&carved.removed, scene.cloud.len());
+    }
     let task = Task {
         scene,
-        record,
         job,
         prepared,
+        options,
+        stamp,
         run,
         stop,
     };
+    let Prepared {
+        virtual_cameras,
+        supervision,
+        start,
+        ..
+    } = &task.prepared;
+    let n_points = task.cloud().len();
+    eprintln!("{} Gaussians from {n_points} points", start.len());
+    write_virtual_sheet(run, &supervision.virtual_views)?;
+    let virtual_cameras = virtual_cameras.clone();
+    let all = [cameras(&scene.train), cameras(&scene.test), virtual_cameras].concat();
+    write_cameras(&run.cameras(), &all)?;
     match task.attempt(gpu, seconds) {
         Err(e) if e.kind() == ErrorKind::DeviceLost => {
             eprintln!("warning: {e}; trying once more");
@@ -76,14 +85,22 @@ pub fn train(
 /// All that training needs but the GPU.
 struct Task<'a> {
     scene: &'a Scene,
-    record: SceneRecord,
     job: &'a TrainJob,
     prepared: Prepared,
+    options: &'a EvalOptions,
+    /// Of the scene's files when they were loaded.
+    stamp: Option<String>,
     run: &'a RunDir,
     stop: &'a Stop,
 }
 
 impl Task<'_> {
+    /// The cloud, as carved.
+    fn cloud(&self) -> &PointCloud {
+        let carved = self.prepared.carved.as_ref();
+        carved.map_or(&self.scene.cloud, |c| &c.cloud)
+    }
+
     /// Trains, evaluates and writes the results; `seconds` are those of the stages before.
     fn attempt(&self, gpu: &Gpu, mut seconds: Seconds) -> Result<Evaluation> {
         let Task {
@@ -101,8 +118,10 @@ impl Task<'_> {
 
         let mut clock = Clock::start();
         let (config, frame) = (&job.config, &prepared.frame);
-        let evaluation =
-            evaluate::measure((gpu, &kernels), scene, frame, config, run, seconds.train)?;
+        let device = (gpu, &kernels);
+        let seen = (scene.test.as_slice(), self.cloud());
+        let what = (*run, self.options, self.stamp.clone());
+        let evaluation = evaluate::measure(device, seen, frame, config, what, seconds.train)?;
         seconds.eval = Some(clock.lap() + log.curve_s);
         let mut curve = log.curve;
         if job.eval_every.is_some() {
@@ -114,7 +133,10 @@ impl Task<'_> {
             adapter: gpu.describe(),
             seed: config.seed,
             iterations: config.iterations,
-            scene: self.record.clone(),
+            scene: SceneRecord {
+                carved_points: prepared.carved.as_ref().map(|c| c.removed.clone()),
+                ..record(scene, job)
+            },
             seconds,
             memory: Memory {
                 host_peak_bytes: peak_host_bytes(),
@@ -154,6 +176,10 @@ impl Task<'_> {
                 views: &scene.test,
                 frame: &prepared.frame,
                 config,
+                options: EvalOptions {
+                    lpips: None,
+                    ..self.options.clone()
+                },
             }),
             keeper,
             before_s: log.train_s + log.curve_s,
@@ -169,6 +195,7 @@ impl Task<'_> {
     }
 }
 
+/// The scene before it is carved.
 fn record(scene: &Scene, job: &TrainJob) -> SceneRecord {
     let names = |views: &[View]| views.iter().map(|view| view.camera.name.clone()).collect();
     SceneRecord {
@@ -178,8 +205,24 @@ fn record(scene: &Scene, job: &TrainJob) -> SceneRecord {
         train_views: names(&scene.train),
         test_views: names(&scene.test),
         n_points: scene.cloud.len(),
+        carved_points: None,
         pose_protocol: PoseProtocol::SharedFrame,
     }
+}
+
+/// How many of `n_points` each round took.
+fn log_carving(removed: &[usize], n_points: usize) {
+    let rounds: Vec<String> = removed.iter().map(usize::to_string).collect();
+    eprintln!(
+        "carved {} of {n_points} points: {} in {} rounds",
+        removed.iter().sum::<usize>(),
+        if rounds.is_empty() {
+            "none".to_owned()
+        } else {
+            rounds.join(" + ")
+        },
+        rounds.len()
+    );
 }
 
 /// The config with its cap on Gaussians lowered to what the adapter can bind.
@@ -239,75 +282,4 @@ fn model_sizes(start: usize, plans: &[PlanRecord]) -> Vec<ModelSize> {
         plan: Some(plan.counts),
     });
     std::iter::once(first).chain(rest).collect()
-}
-
-/// Shows the training's progress, keeps its state, and measures on the way where a curve is asked
-/// for.
-struct Watch<'a> {
-    progress: Progress,
-    curve: Option<Curve<'a>>,
-    keeper: Keeper<'a>,
-    /// Training and curve before `clock`.
-    before_s: f64,
-    clock: Instant,
-    log: Log,
-}
-
-impl Watch<'_> {
-    fn train_s(&self) -> f64 {
-        self.before_s + self.clock.elapsed().as_secs_f64() - self.log.curve_s
-    }
-}
-
-/// Errors at the test views every so many iterations. The last iteration's are those of the
-/// written model, which are measured anyway.
-struct Curve<'a> {
-    every: u32,
-    renderer: Renderer<'a>,
-    views: &'a [View],
-    frame: &'a Frame,
-    config: &'a Config,
-}
-
-fn curve_point(iteration: u32, evaluation: &Evaluation) -> CurvePoint {
-    CurvePoint {
-        iteration,
-        n_gaussians: evaluation.n_gaussians,
-        psnr: evaluation.mean.psnr,
-        ssim: evaluation.mean.ssim,
-    }
-}
-
-impl Observer for Watch<'_> {
-    fn inspects(&self, done: u32) -> bool {
-        let due = |c: &Curve| done.is_multiple_of(c.every) && done < c.config.iterations;
-        self.curve.as_ref().is_some_and(due)
-    }
-
-    fn inspect(&mut self, done: u32, model: &Model) -> Result<()> {
-        let Some(curve) = &mut self.curve else {
-            return Ok(());
-        };
-        let start = Instant::now();
-        let (views, config) = (curve.views, &curve.config.model);
-        let renders = eval::render_model(&mut curve.renderer, model, curve.frame, views, config)?;
-        let evaluation = eval::score(&renders, views, model.n, None)?;
-        self.log.curve.push(curve_point(done, &evaluation));
-        self.log.curve_s += start.elapsed().as_secs_f64();
-        Ok(())
-    }
-
-    fn look(&mut self, sample: &LossSample, n_gaussians: usize) {
-        self.progress
-            .update(sample.iteration, sample.loss, n_gaussians);
-    }
-
-    fn keeps(&self, done: u32) -> bool {
-        self.keeper.is_due(done)
-    }
-
-    fn keep(&mut self, trainer: &Trainer<'_>) -> Result<()> {
-        self.log.train_s = self.train_s();
-        self.keeper.keep(trainer, &mut self.log)
-    }
 }

@@ -47,7 +47,7 @@ pub(super) fn clean(cloud: &mut PointCloud, cameras: &[Camera], warnings: &mut V
             cloud.positions[i].as_vec3().is_finite() && confidence.is_none_or(|c| c[i].is_finite())
         })
         .collect();
-    retain(cloud, &finite);
+    cloud.retain(&finite);
     let n_finite = cloud.len();
     if n_finite < n {
         warnings.push(format!(
@@ -70,7 +70,7 @@ pub(super) fn clean(cloud: &mut PointCloud, cameras: &[Camera], warnings: &mut V
                 .any(|c| c.distance(*p) <= tolerance)
         })
         .collect();
-    retain(cloud, &kept);
+    cloud.retain(&kept);
     if cloud.len() < n_finite {
         warnings.push(format!(
             "{} of {n_finite} points lie at a camera centre: dropped",
@@ -90,18 +90,6 @@ fn camera_extent(centers: &[DVec3], points: &[DVec3]) -> f64 {
     let mut distances: Vec<f64> = points.iter().map(|p| p.distance(mean)).collect();
     let middle = distances.len() / 2;
     *distances.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
-fn retain(cloud: &mut PointCloud, kept: &[bool]) {
-    fn filter<T: Copy>(values: &mut Vec<T>, kept: &[bool]) {
-        let mut kept = kept.iter();
-        values.retain(|_| kept.next().copied().unwrap_or(false));
-    }
-    filter(&mut cloud.positions, kept);
-    filter(&mut cloud.colors, kept);
-    if let Some(confidence) = &mut cloud.confidence {
-        filter(confidence, kept);
-    }
 }
 
 /// At most `n` points of `cloud`, in its order: one drawn at random from each of `n` equal

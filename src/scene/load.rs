@@ -8,6 +8,7 @@ use super::builtin::{self, BuiltinOptions};
 use super::cloud::{clean, random_like, read_cloud};
 use super::decode::{Decoded, decode};
 use super::images::{PosedImage, match_images};
+use super::masks::Masks;
 use super::split::{choose, regroup};
 use super::{CloudSource, LoadOptions, Scene, View, colmap};
 use crate::camera::Camera;
@@ -48,6 +49,10 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
             .at_path(dir)
             .way_out(format!("put {} there", colmap::expected())));
     };
+    let cloud_path = match &options.cloud {
+        Some(CloudSource::File(path)) => path.clone(),
+        _ => layout.cloud?,
+    };
     let mut warnings = Vec::new();
     if layout.n_unnormalized > 0 {
         warnings.push(format!(
@@ -57,10 +62,6 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     }
     let matched = match_images(layout.cameras, &layout.image_dir, &mut warnings)?;
     let split = choose(dir, &matched, options, &mut warnings)?;
-    let cloud_path = match &options.cloud {
-        Some(CloudSource::File(path)) => path.clone(),
-        _ => layout.cloud?,
-    };
 
     // The cloud is read while the images are decoded; both are done before either may fail,
     // so that the error does not depend on which was faster.
@@ -70,10 +71,15 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         .chain(&split.test)
         .map(|&i| &matched.views[i])
         .collect();
+    let masks = Masks::of(dir);
     let (cloud, decoded) = rayon::join(
         || read_cloud(&cloud_path),
-        || -> Vec<Result<Decoded>> { chosen.par_iter().map(|v| decode(v, options)).collect() },
+        || -> Vec<Result<Decoded>> {
+            let views = chosen.par_iter();
+            views.map(|v| decode(v, &masks, options)).collect()
+        },
     );
+    warnings.extend(masks.missing(chosen.iter().map(|v| v.camera.name.as_str())));
     let mut cloud = cloud?;
     let mut train = views(decoded, &mut warnings)?;
     let test = train.split_off(split.train.len());

@@ -7,9 +7,11 @@ mod colmap;
 mod decode;
 mod images;
 mod load;
+mod masks;
 mod ply;
 mod source;
 mod split;
+mod stamp;
 
 pub use source::{CloudSource, DEFAULT_BUILTIN_WIDTH, SceneSource};
 
@@ -19,6 +21,7 @@ use crate::camera::Camera;
 use crate::config::Config;
 
 pub use cloud::{random_like, read_cloud, thin};
+pub use colmap::other_clouds;
 pub use load::{load, load_builtin};
 
 /// A scene ready to train on. Images of the training and test views are decoded, at the size
@@ -41,6 +44,8 @@ pub struct Scene {
 pub struct View {
     pub camera: Camera,
     pub image: Image,
+    /// Which pixels show the subject (`height * width`, row 0 on top), where the scene says.
+    pub mask: Option<Vec<bool>>,
 }
 
 /// An 8-bit RGB image, row 0 on top.
@@ -69,6 +74,19 @@ impl PointCloud {
 
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
+    }
+
+    /// Keeps the points that `kept`, one entry a point, says true of, in their order.
+    pub fn retain(&mut self, kept: &[bool]) {
+        fn filter<T: Copy>(values: &mut Vec<T>, kept: &[bool]) {
+            let mut kept = kept.iter();
+            values.retain(|_| kept.next().copied().unwrap_or(false));
+        }
+        filter(&mut self.positions, kept);
+        filter(&mut self.colors, kept);
+        if let Some(confidence) = &mut self.confidence {
+            filter(confidence, kept);
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use super::builtin::CLOUD_VIEWS;
+use super::builtin::{CLOUD_VIEWS, WIDTHS};
 use super::colmap;
 use crate::error::{Error, Result};
 
@@ -43,7 +43,7 @@ impl SceneSource {
     pub fn at_most(self, px: u32) -> SceneSource {
         match self {
             SceneSource::Builtin { width } => SceneSource::Builtin {
-                width: width.min(px),
+                width: width.min(px.max(*WIDTHS.start())),
             },
             folder => folder,
         }

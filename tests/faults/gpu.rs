@@ -4,6 +4,7 @@ use std::path::Path;
 use std::thread;
 
 use gspotential::error::{ErrorKind, Result};
+use gspotential::eval::{EvalOptions, render_views};
 use gspotential::gpu::{Buffer, Gpu};
 use gspotential::pipeline::{self, Resumed, TrainJob};
 use gspotential::render::{Kernels, Model};
@@ -27,7 +28,15 @@ fn train_with(root: &Path, fault: impl FnOnce(&Gpu) + Send) -> Result<Evaluation
             wait_until("there is a checkpoint", || first.exists());
             fault(&gpu);
         });
-        pipeline::train(&gpu, &scene, &job, 0.0, &run, &Stop::unheard())
+        pipeline::train(
+            &gpu,
+            &scene,
+            &job,
+            0.0,
+            &EvalOptions::default(),
+            &run,
+            &Stop::unheard(),
+        )
     })
 }
 
@@ -71,7 +80,7 @@ fn memory_that_runs_out_is_named_with_sizes_and_the_run_goes_on_from_its_checkpo
         assert!(text.contains(part), "no `{part}` in: {text}");
     }
     assert!(!root.join("metrics.json").exists());
-    let resumed = TrainJob::resume(&root, None).expect("trains");
+    let resumed = TrainJob::resume(&root, None, &EvalOptions::default()).expect("trains");
     assert!(matches!(resumed, Resumed::Trained(..)));
     assert!(Outcome::of(&root) == undisturbed(&folder.path().join("other")));
 }
@@ -95,8 +104,14 @@ fn a_lost_device_is_an_error_wherever_it_is_met() {
         buffer.read::<u32>(&gpu, 4).map(drop),
         gpu.check(),
         model.and_then(|model| model.download(&gpu)).map(drop),
-        gspotential::eval::render_views(&gpu, &kernels, &prepared.start, frame, views, config)
-            .map(drop),
+        render_views(
+            (&gpu, &kernels),
+            &prepared.start,
+            frame,
+            views,
+            config,
+            |_, _| Ok(()),
+        ),
     ];
     for (i, outcome) in outcomes.into_iter().enumerate() {
         let error = outcome.err().unwrap_or_else(|| panic!("{i}: no error"));

@@ -1,5 +1,9 @@
 //! Several processes at once.
 
+use std::fs;
+
+use gspotential::run::RunDir;
+
 use super::{Place, ended, endless_train, train, wait_until};
 
 #[test]
@@ -7,7 +11,7 @@ fn a_second_process_on_one_run_is_refused_until_the_first_is_gone_however_it_wen
     let place = Place::new();
     let mut first = place.start(&endless_train("--checkpoint-every 5"));
     wait_until("there is a checkpoint", || !place.checkpoints().is_empty());
-    for args in [&train("--overwrite"), "train --resume run", "eval run"] {
+    for args in [&train("--overwrite"), "train --resume run"] {
         let log = place.run(args, 1);
         assert!(
             log.contains("run: another gspotential is at work"),
@@ -31,6 +35,26 @@ fn a_second_process_on_one_run_is_refused_until_the_first_is_gone_however_it_wen
     let log = place.run("train --resume run", 0);
     assert!(
         log.contains("run is finished; nothing is left to do"),
+        "{log}"
+    );
+}
+
+#[test]
+fn a_run_that_is_written_is_not_measured_and_one_that_is_not_finished_says_so() {
+    let place = Place::new();
+    place.run(&train(""), 0);
+    place.run("eval run --again", 0);
+    let held = RunDir::claim(&place.at("run")).expect("a run");
+    let log = place.run("eval run --again", 1);
+    assert!(log.contains("another gspotential"), "{log}");
+    // What is up to date is only read.
+    place.run("eval run", 0);
+    drop(held);
+    place.run("eval run --again", 0);
+    fs::remove_file(place.at("run/metrics.json")).expect("removed");
+    let log = place.run("eval run", 1);
+    assert!(
+        log.contains("not finished; go on with `gspotential train --resume run`"),
         "{log}"
     );
 }

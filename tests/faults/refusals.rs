@@ -5,6 +5,7 @@ use std::path::Path;
 
 use gspotential::config::Config;
 use gspotential::error::ErrorKind;
+use gspotential::eval::EvalOptions;
 use gspotential::gpu::Gpu;
 use gspotential::pipeline::{self, Resumed, TrainJob};
 use gspotential::run::{RunDir, Stop};
@@ -26,6 +27,10 @@ fn scene() -> Folder {
     Folder::with_views(&["a.png", "b.png", "c.png", "d.png", "e.png"])
 }
 
+fn options() -> EvalOptions {
+    EvalOptions::default()
+}
+
 /// A run that is stopped after its first iteration.
 fn stopped(scene: &Folder, root: &Path) {
     let job = job(scene);
@@ -34,7 +39,7 @@ fn stopped(scene: &Folder, root: &Path) {
     stop.ask();
     let gpu = Gpu::open().expect("an adapter");
     let loaded = job.load().expect("a scene");
-    let error = pipeline::train(&gpu, &loaded, &job, 0.0, &run, &stop).unwrap_err();
+    let error = pipeline::train(&gpu, &loaded, &job, 0.0, &options(), &run, &stop).unwrap_err();
     assert_eq!(
         (error.kind(), error.exit_code()),
         (ErrorKind::Interrupted, 130)
@@ -48,7 +53,9 @@ fn stopped(scene: &Folder, root: &Path) {
 #[track_caller]
 fn assert_refused(root: &Path, parts: &[&str]) {
     let before = fs::read(root.join("checkpoints/0000000001.ckpt")).expect("a checkpoint");
-    let error = TrainJob::resume(root, None).err().expect("a refusal");
+    let error = TrainJob::resume(root, None, &options())
+        .err()
+        .expect("a refusal");
     assert_eq!(error.exit_code(), 1);
     for part in parts {
         assert!(error.to_string().contains(part), "no `{part}` in: {error}");
@@ -73,10 +80,14 @@ fn a_checkpoint_of_another_config_or_scene_is_refused_by_name_until_it_is_restor
     change("\"iterations\": 20", "\"iterations\": 30");
     assert_refused(
         &root,
-        &["0000000001.ckpt", "config.json", "`iterations` (30 and 20)"],
+        &[
+            "0000000001.ckpt",
+            "config.json",
+            "`iterations` is 30, was 20",
+        ],
     );
     change("\"opacity_lr\": 0.05", "\"opacity_lr\": 0.06");
-    assert_refused(&root, &["`optimizer.opacity_lr` (0.06 and 0.05)"]);
+    assert_refused(&root, &["`optimizer.opacity_lr` is 0.06, was 0.05"]);
     fs::write(root.join("config.json"), &config).expect("written");
 
     let mut altered = image::load_from_memory(&png(12, 8))
@@ -98,12 +109,12 @@ fn a_checkpoint_of_another_config_or_scene_is_refused_by_name_until_it_is_restor
     assert_refused(&root, &["the scene is not what it was: point cloud;"]);
     scene.write("sparse/0/points3D.ply", GOOD_PLY);
 
-    let resumed = TrainJob::resume(&root, None).expect("as it was");
+    let resumed = TrainJob::resume(&root, None, &options()).expect("as it was");
     assert!(matches!(resumed, Resumed::Trained(..)));
     drop(resumed);
-    let again = TrainJob::resume(&root, None).expect("finished");
+    let again = TrainJob::resume(&root, None, &options()).expect("finished");
     assert!(matches!(again, Resumed::WasFinished(_)));
     let other = folder.path().join("other");
-    job(&scene).run(&other, false).expect("trains");
+    job(&scene).run(&other, false, &options()).expect("trains");
     assert!(Outcome::of(&root) == Outcome::of(&other));
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use gspotential::config::Config;
+use gspotential::eval::EvalOptions;
 use gspotential::gaussians::Gaussians;
 use gspotential::gpu::Gpu;
 use gspotential::pipeline::{self, Prepared, TrainJob, prepare};
@@ -56,7 +57,8 @@ fn run(scene: &Scene, root: &Path, eval_every: Option<u32>) -> (Vec<u8>, String,
         ..TrainJob::new(source, config()).expect("a job")
     };
     let gpu = Gpu::open().expect("an adapter");
-    pipeline::train(&gpu, scene, &job, 0.0, &run, &Stop::unheard()).expect("trains");
+    let (options, stop) = (EvalOptions::default(), Stop::unheard());
+    pipeline::train(&gpu, scene, &job, 0.0, &options, &run, &stop).expect("trains");
     let mut metrics = run.metrics().expect("written");
     metrics.seconds = Seconds::default();
     metrics.memory = Default::default();

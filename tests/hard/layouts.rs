@@ -4,6 +4,7 @@
 use glam::DVec3;
 use gspotential::camera::Camera;
 use gspotential::config::Config;
+use gspotential::eval::EvalOptions;
 use gspotential::pipeline::{self, Prepared, TrainJob, prepare};
 use gspotential::run::{RunDir, Seconds, Stop};
 use gspotential::scene::builtin::{BuiltinOptions, render, scene};
@@ -52,6 +53,7 @@ fn photographed(poses: &[(DVec3, DVec3)]) -> Scene {
             View {
                 image: render(&camera),
                 camera,
+                mask: None,
             }
         })
         .collect();
@@ -208,8 +210,9 @@ fn a_test_view_that_is_a_training_view_is_evaluated_like_any_other() {
     let _alone = context();
     let job = TrainJob::new(source, config(60)).expect("a job");
     let gpu = gspotential::gpu::Gpu::open().expect("an adapter");
+    let (options, stop) = (EvalOptions::default(), Stop::unheard());
     let evaluation =
-        pipeline::train(&gpu, &scene, &job, 0.0, &run, &Stop::unheard()).expect("trains");
+        pipeline::train(&gpu, &scene, &job, 0.0, &options, &run, &stop).expect("trains");
     let psnr: Vec<f64> = evaluation.views.iter().filter_map(|v| v.psnr).collect();
     assert_eq!(psnr.len(), 2);
     assert!(psnr[1] > psnr[0], "{psnr:?}");
