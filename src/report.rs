@@ -1,12 +1,13 @@
-//! What a run shows: image files, contact sheets and tables.
+//! What a run shows: image files, contact sheets, tables and plots.
 
 mod comparison;
 mod evaluation;
 mod export;
+pub mod plot;
 mod sheet;
 mod table;
 
-pub use comparison::{Block, ComparedRun, Comparison, Figure, Row, check_protocols};
+pub use comparison::{Block, ComparedRun, Comparison, Row, check_protocols};
 pub use evaluation::evaluation_table;
 pub use export::{runs_csv, runs_json};
 pub use sheet::{ContactSheet, mask_image};
