@@ -38,7 +38,6 @@ fn plain(camera: Camera, color: [u8; 3]) -> View {
             height: camera.height,
             rgb: color.repeat(n),
         },
-        mask: None,
         camera,
     }
 }
