@@ -87,14 +87,11 @@ pub fn train(
     write_ply(&run.point_cloud(), &trained.gaussians, &frame)?;
 
     clock.lap();
-    let evaluation = evaluate::measure(
-        (gpu, &kernels),
-        (&scene.test, cloud),
-        &frame,
-        config,
-        (run, options, stamp),
-        seconds.train,
-    )?;
+    let device = (gpu, &kernels);
+    let seen = (scene.test.as_slice(), cloud);
+    let train_s = seconds.train;
+    let what = (run, options, stamp);
+    let evaluation = evaluate::measure(device, seen, &frame, config, what, train_s)?;
     seconds.eval = Some(clock.lap() + curve_s);
     if job.eval_every.is_some() {
         curve.push(curve_point(config.iterations, &evaluation));
