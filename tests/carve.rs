@@ -40,7 +40,6 @@ fn plain(camera: Camera, color: [u8; 3]) -> View {
         },
         mask: None,
         camera,
-        mask: None,
     }
 }
 
