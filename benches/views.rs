@@ -43,11 +43,9 @@ fn main() -> Result<()> {
     let scene = load_scene(
         &args.scene.resolved()?.at_most(args.max_size),
         &LoadOptions {
-            max_width: config.scene.max_width_px,
             max_size: Some(args.max_size),
-            train_views: None,
-            n_train: config.scene.n_train,
             n_test: 1,
+            ..LoadOptions::new(&config)
         },
     )?;
     let train: Vec<Camera> = scene.train.iter().map(|v| v.camera.clone()).collect();

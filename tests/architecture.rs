@@ -16,6 +16,7 @@ const ORDER: &[&str] = &[
     "gpu",
     "metrics",
     "run",
+    "stats",
     "field",
     "views",
     "splat",
@@ -26,6 +27,7 @@ const ORDER: &[&str] = &[
     "eval",
     "report",
     "pipeline",
+    "study",
     "cli",
 ];
 

@@ -21,6 +21,7 @@ mod report;
 mod run;
 mod scene;
 mod splat;
+mod study;
 mod twins;
 mod views;
 mod visibility;

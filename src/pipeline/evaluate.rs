@@ -83,27 +83,20 @@ fn reload(source: SceneSource, config: &Config, metrics: &Metrics) -> Result<Sce
     let scene = load_scene(
         &source,
         &LoadOptions {
-            train_views: match source {
-                SceneSource::Folder(_) => Some(metrics.scene.train_views.clone()),
-                SceneSource::Builtin { .. } => None,
+            train_views: Some(metrics.scene.train_views.clone()),
+            test_views: Some(metrics.scene.test_views.clone()),
+            cloud: match &metrics.scene.cloud {
+                Some(cloud) => Some(cloud.parse()?),
+                None => None,
             },
-            max_width: config.scene.max_width_px,
-            max_size: config.scene.max_size_px,
-            n_train: config.scene.n_train,
-            n_test: config.scene.n_test,
+            ..LoadOptions::new(config)
         },
-    )?;
-    let names = |views: &[View]| -> Vec<String> {
-        views.iter().map(|view| view.camera.name.clone()).collect()
-    };
-    if names(&scene.test) != metrics.scene.test_views {
-        return Err(Error::new(format!(
-            "the test views of {} are no longer those of the run",
-            metrics.scene.source
-        ))
-        .way_out("restore the scene's images and split, or train again"));
-    }
-    Ok(scene)
+    );
+    // What is wrong is the scene, not the command.
+    scene.map_err(|e| {
+        Error::new(format!("the scene is no longer as it was trained on: {e}"))
+            .way_out("restore its files, or train again")
+    })
 }
 
 /// Measures the model in `run` and the bare splat of `cloud` at the test `views` and writes what

@@ -52,9 +52,7 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     let splats = splat_views(cloud, &frame, &virtual_cameras, &config.splat, near)?;
     seconds.splat = Some(clock.lap());
 
-    let n_pixels: usize = scene.train.iter().map(|view| n_pixels(&view.image)).sum();
-    let n_points = config.scene.max_points.unwrap_or(n_pixels);
-    let thinned = thin(cloud, n_points, config.seed);
+    let thinned = thin(cloud, n_start(scene, config), config.seed);
     let start = Gaussians::from_cloud(&thinned, &frame, &config.model)?;
     let mut warnings: Vec<String> = focus.fallback.into_iter().collect();
     warnings.extend(carved.as_ref().and_then(|c| c.warning.clone()));
@@ -75,6 +73,14 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
         virtual_cameras,
         start,
     })
+}
+
+/// Number of points that training on `scene` starts from: `scene.max_points`, else one a training
+/// pixel, and no more than the cloud has before carving.
+pub fn n_start(scene: &Scene, config: &Config) -> usize {
+    let n_pixels: usize = scene.train.iter().map(|view| n_pixels(&view.image)).sum();
+    let wanted = config.scene.max_points.unwrap_or(n_pixels);
+    wanted.min(scene.cloud.len())
 }
 
 /// The scene's cloud after carving, where `config` asks for it.

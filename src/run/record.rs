@@ -20,6 +20,20 @@ pub struct Metrics {
     pub memory: Memory,
     pub loss: Vec<LossSample>,
     pub model_size: Vec<ModelSize>,
+    /// Errors at the test views on the way, the last those of `eval.json`; empty unless asked for.
+    #[serde(default)]
+    pub curve: Vec<CurvePoint>,
+}
+
+/// Mean errors over the test views after some iterations.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CurvePoint {
+    /// Number of finished iterations.
+    pub iteration: u32,
+    pub n_gaussians: usize,
+    /// dB; null as in [`Mean`].
+    pub psnr: Option<f64>,
+    pub ssim: Option<f64>,
 }
 
 /// The scene that a run was trained on, enough to load it again.
@@ -27,6 +41,8 @@ pub struct Metrics {
 pub struct SceneRecord {
     /// An absolute folder, or `builtin:WIDTH`: what `--scene` takes.
     pub source: String,
+    /// The cloud where it is not the scene's own: what `--cloud` takes, a file absolute.
+    pub cloud: Option<String>,
     /// Short name for tables.
     pub name: String,
     pub train_views: Vec<String>,
