@@ -38,6 +38,7 @@ fn plain(camera: Camera, color: [u8; 3]) -> View {
             height: camera.height,
             rgb: color.repeat(n),
         },
+        mask: None,
         camera,
     }
 }
