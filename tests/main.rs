@@ -14,9 +14,10 @@ mod gpu;
 mod hard;
 mod metrics;
 mod policy;
+mod reference;
 mod report;
 mod run;
 mod scene;
 mod splat;
-mod twins;
+
 mod views;

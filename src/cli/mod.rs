@@ -1,5 +1,6 @@
 //! The commands. Logs go to stderr, tables to stdout.
 
+mod doctor;
 mod eval;
 mod render;
 mod train;
@@ -16,6 +17,7 @@ Examples:
   gspotential train --scene scenes/garden --out runs/garden
   gspotential eval runs/garden
   gspotential render --model runs/garden/point_cloud.ply --cameras runs/garden/cameras.json --out views
+  gspotential doctor                                   is this machine's adapter right?
 
 Exit codes: 0 done, 1 failed, 2 wrong usage.";
 
@@ -33,6 +35,7 @@ enum Command {
     Train(train::TrainArgs),
     Eval(eval::EvalArgs),
     Render(render::RenderArgs),
+    Doctor(doctor::DoctorArgs),
 }
 
 impl Cli {
@@ -42,6 +45,7 @@ impl Cli {
             Command::Train(args) => args.run(),
             Command::Eval(args) => args.run(),
             Command::Render(args) => args.run(),
+            Command::Doctor(args) => args.run(),
         }
     }
 }

@@ -10,10 +10,10 @@ use gspotential::train::schedule::mean_rate;
 
 use super::render::print;
 use super::rig::{Context, assert_held, context, gaussians_of, view_of, wide};
-use crate::twins::adam::TwinAdam;
-use crate::twins::cases::{Random, random_scene};
-use crate::twins::linalg::{Vec3, normalize, sub};
-use crate::twins::{sh, tolerance};
+use gspotential::reference::adam::TwinAdam;
+use gspotential::reference::cases::{Random, random_scene};
+use gspotential::reference::linalg::{Vec3, normalize, sub};
+use gspotential::reference::{sh, tolerance};
 
 const N: usize = 130;
 const STEPS: u32 = 8;
@@ -34,7 +34,7 @@ fn config() -> Config {
 
 /// A workspace whose gradients the test writes itself.
 pub fn workspace(ctx: &Context, stride: usize) -> Workspace {
-    let view = view_of(&crate::twins::cases::cameras()[0]);
+    let view = view_of(&gspotential::reference::cases::cameras()[0]);
     let views: [ViewUniform; 1] = [view];
     Workspace::new(&ctx.gpu, Capacity::new(stride, 64, &views), true).expect("fits")
 }

@@ -5,13 +5,13 @@ use gspotential::gpu::constants::{RIM, TILE_H, TILE_W, TOTAL_PAIRS};
 use super::project::decode;
 use super::render::print;
 use super::rig::{Rig, context, gaussians_of, view_of};
-use crate::twins::bin::{TileGrid, tile_lists};
-use crate::twins::cases::{huge, layers, needles, random_scene};
-use crate::twins::fixture::fixtures;
-use crate::twins::model::{TwinCamera, TwinGaussians, TwinSplat};
-use crate::twins::project::project;
-use crate::twins::raster::ALPHA_MIN;
-use crate::twins::tolerance;
+use crate::reference::fixture::fixtures;
+use gspotential::reference::bin::{TileGrid, tile_lists};
+use gspotential::reference::cases::{huge, layers, needles, random_scene};
+use gspotential::reference::model::{TwinCamera, TwinGaussians, TwinSplat};
+use gspotential::reference::project::project;
+use gspotential::reference::raster::ALPHA_MIN;
+use gspotential::reference::tolerance;
 
 /// Whether a tile meets the box around the ellipse on which alpha is 1/255.
 fn box_meets(splat: &TwinSplat, grid: &TileGrid, tile: usize) -> bool {

@@ -1,11 +1,12 @@
 //! Dispatches and buffers at the adapter's limits.
 
 use gspotential::gpu::kernel::fold;
+use gspotential::gpu::shader::compose;
 use gspotential::gpu::{Buffer, Commands, Kernel};
 use gspotential::render::{Capacity, Model, Workspace};
 
 use super::rig::{context, view_of};
-use crate::twins::cases::cameras;
+use gspotential::reference::cases::cameras;
 
 #[test]
 fn folded_grids_hold_all_workgroups_within_the_limit() {
@@ -28,7 +29,8 @@ fn a_dispatch_beyond_65535_workgroups_reaches_every_element() {
     let ctx = context();
     let gpu = &ctx.gpu;
     let n = 65_535 * 64 + 1234_usize;
-    let kernel = Kernel::new(gpu, "reset_opacity", "reset_opacity");
+    let source = compose("reset_opacity", 0);
+    let kernel = Kernel::from_source(gpu, "reset_opacity", "reset_opacity", source);
     let ceiling = Buffer::uniform_from(gpu, "ceiling", &[-3.0_f32, 0.0, 0.0, 0.0]);
     let counts = Buffer::uniform_from(gpu, "counts", &[n as u32 - 1, 0, 0, 0]);
     let geometry = Buffer::storage_from(gpu, "geometry", &vec![[1.0_f32; 4]; n]).expect("fits");

@@ -2,8 +2,8 @@
 
 use super::render::{Truth, hold_view, print, row, table_head};
 use super::rig::context;
-use crate::twins::fixture::fixtures;
-use crate::twins::tolerance;
+use crate::reference::fixture::fixtures;
+use gspotential::reference::tolerance;
 
 #[test]
 fn reference_cases_are_met_in_image_and_gradient() {

@@ -7,8 +7,8 @@ use gspotential::render::{LossUniform, ViewUniform};
 
 use super::render::print;
 use super::rig::{Rig, assert_held, context, wide};
-use crate::twins::cases::Random;
-use crate::twins::{loss, tolerance};
+use gspotential::reference::cases::Random;
+use gspotential::reference::{loss, tolerance};
 
 /// A rig for images of this size; what it would render does not matter.
 fn rig(ctx: &super::rig::Context, width: usize, height: usize) -> Rig {

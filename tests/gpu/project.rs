@@ -1,12 +1,12 @@
 //! Projection against its twin, on random scenes and on a reference case.
 
 use super::rig::{Context, Rig, assert_held, context, gaussians_of, view_of};
-use crate::twins::cases::{TwinCase, huge, needles, random_scene};
-use crate::twins::fixture::fixtures;
-use crate::twins::model::{TwinCamera, TwinGaussians, TwinSplat};
-use crate::twins::project::project;
-use crate::twins::raster::ALPHA_MIN;
-use crate::twins::tolerance;
+use crate::reference::fixture::fixtures;
+use gspotential::reference::cases::{TwinCase, huge, needles, random_scene};
+use gspotential::reference::model::{TwinCamera, TwinGaussians, TwinSplat};
+use gspotential::reference::project::project;
+use gspotential::reference::raster::ALPHA_MIN;
+use gspotential::reference::tolerance;
 
 /// `u, v, depth, A, B, C, r, g, b, opacity` of a splat as the GPU stores it; `None` where it is
 /// not drawn. The conic is stored as its Cholesky factor scaled by `sqrt(log2(e) / 2)`.

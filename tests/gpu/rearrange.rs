@@ -9,7 +9,7 @@ use gspotential::train::optimizer::Optimizer;
 use gspotential::train::policy::{NEW, Plan};
 
 use super::rig::{Context, context, gaussians_of};
-use crate::twins::cases::{Random, random_scene};
+use gspotential::reference::cases::{Random, random_scene};
 
 fn fill(gpu: &Gpu, model: &Model, seed: u64) {
     let mut random = Random::new(seed);

@@ -9,7 +9,7 @@ use gspotential::gpu::shader::{STAGES, compose};
 use gspotential::render::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use gspotential::train::optimizer::{RearrangeUniform, StepUniform};
 
-use crate::twins::{project, raster};
+use gspotential::reference::{project, raster};
 
 /// Every stage at every SH degree.
 fn variants() -> impl Iterator<Item = (&'static str, u32)> {
@@ -180,7 +180,7 @@ fn constants_are_those_of_the_twins() {
     assert_eq!(constants::SSIM_C1, 0.01 * 0.01);
     assert_eq!(constants::SSIM_C2, 0.03 * 0.03);
     let window = constants::ssim_window();
-    let twin = crate::twins::loss::window();
+    let twin = gspotential::reference::loss::window();
     for (i, row) in window.iter().enumerate() {
         for (j, column) in window.iter().enumerate() {
             assert!((row * column - twin[i * 11 + j]).abs() < 1e-15);

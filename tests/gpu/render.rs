@@ -4,12 +4,12 @@
 use std::io::Write;
 
 use super::rig::{Context, Rig, assert_held, context, gaussians_of, view_of, wide};
-use crate::twins::cases::{TwinCase, huge, layers, loss_weights, needles, random_scene};
-use crate::twins::compare::max_abs_off_mask;
-use crate::twins::linalg::{normalize, sub};
-use crate::twins::model::{TwinCamera, TwinGaussians};
-use crate::twins::raster::{TwinRender, backward, render};
-use crate::twins::{sh, tolerance};
+use gspotential::reference::cases::{TwinCase, huge, layers, loss_weights, needles, random_scene};
+use gspotential::reference::compare::max_abs_off_mask;
+use gspotential::reference::linalg::{normalize, sub};
+use gspotential::reference::model::{TwinCamera, TwinGaussians};
+use gspotential::reference::raster::{TwinRender, backward, render};
+use gspotential::reference::{sh, tolerance};
 
 /// What single precision makes of a view.
 pub struct Comparison {

@@ -14,8 +14,8 @@ use gspotential::render::{
 };
 use gspotential::train::optimizer::OptimizerKernels;
 
-use crate::twins::compare::relative_l2;
-use crate::twins::model::{TwinCamera, TwinGaussians};
+use gspotential::reference::compare::relative_l2;
+use gspotential::reference::model::{TwinCamera, TwinGaussians};
 
 /// The adapter, for one test at a time: memory stays bounded and a fault belongs to its test.
 pub struct Context {

@@ -9,10 +9,10 @@ use gspotential::train::{Supervision, TrainingView};
 use super::survive;
 use crate::gpu::render::print;
 use crate::gpu::rig::{Context, Rig, camera_of, context, gaussians_of, view_of, wide};
-use crate::twins::cases::{Random, looking_at, loss_weights, random_scene};
-use crate::twins::compare::{max_abs_off_mask, relative_l2};
-use crate::twins::model::{TwinCamera, TwinGaussians};
-use crate::twins::raster::{backward, render};
+use gspotential::reference::cases::{Random, looking_at, loss_weights, random_scene};
+use gspotential::reference::compare::{max_abs_off_mask, relative_l2};
+use gspotential::reference::model::{TwinCamera, TwinGaussians};
+use gspotential::reference::raster::{backward, render};
 
 /// What becomes of it.
 #[derive(Clone, Copy, Debug, PartialEq)]

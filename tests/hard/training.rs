@@ -13,8 +13,8 @@ use gspotential::train::{Supervision, Trained, TrainingView};
 use super::specimens::{config, noise_supervision};
 use super::survive;
 use crate::gpu::rig::{context, gaussians_of, view_of};
-use crate::twins::cases::{cameras, looking_at, random_scene};
-use crate::twins::model::TwinCamera;
+use gspotential::reference::cases::{cameras, looking_at, random_scene};
+use gspotential::reference::model::TwinCamera;
 
 fn camera() -> TwinCamera {
     looking_at([0.0, 0.0, -1.5], [0.0; 3]).resized(61, 43)

@@ -6,10 +6,10 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use gspotential::reference::linalg::Vec3;
+use gspotential::reference::model::{TwinCamera, TwinGaussians, TwinGradients};
 use serde::Deserialize;
 
-use super::linalg::Vec3;
-use super::model::{TwinCamera, TwinGaussians, TwinGradients};
 use super::npy::read_shaped;
 
 /// One case: Gaussians seen by some cameras.
