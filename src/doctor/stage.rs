@@ -1,10 +1,11 @@
-//! The stages by name, in the order of the flow.
+//! The stages by name, in the order of the flow: the first that fails is where to look, as the
+//! later ones build on it. The sorts scan, so the scan comes before them.
 
 pub const PROJECT: &str = "project";
 pub const DEPTH_KEYS: &str = "depth_keys";
+pub const SCAN: &str = "scan";
 pub const RADIX_SORT: &str = "radix sort";
 pub const BIN: &str = "bin";
-pub const SCAN: &str = "scan";
 pub const TILE_RANGES: &str = "tile_ranges";
 pub const RASTERIZE: &str = "rasterize";
 pub const LOSS: &str = "L1 + SSIM";
@@ -21,9 +22,9 @@ pub const POINT_SPLAT: &str = "point splat, on the CPU";
 pub const ALL: [&str; 16] = [
     PROJECT,
     DEPTH_KEYS,
+    SCAN,
     RADIX_SORT,
     BIN,
-    SCAN,
     TILE_RANGES,
     RASTERIZE,
     LOSS,

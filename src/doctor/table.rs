@@ -90,6 +90,7 @@ fn stage_table(stages: &[StageReport]) -> Table {
     let mut table = Table::new(&header);
     for stage in stages {
         let (error, bound, at) = match &stage.worst {
+            Some(worst) if worst.error == 0.0 => ("0".into(), number(worst.bound), String::new()),
             Some(worst) => (
                 number(worst.error),
                 number(worst.bound),

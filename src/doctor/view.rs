@@ -26,6 +26,12 @@ pub const ORDINARY: Bounds = Bounds {
     gradient: tolerance::GPU_GRADIENT,
 };
 
+/// Bounds of Gaussians that cover the screen.
+pub const COVERS: Bounds = Bounds {
+    gradient: tolerance::GPU_COVER_GRADIENT,
+    ..ORDINARY
+};
+
 /// Bounds of needles.
 pub const NEEDLES: Bounds = Bounds {
     projection: tolerance::GPU_PROJECTION,
@@ -77,7 +83,7 @@ pub fn small_cases() -> Vec<ViewCase> {
         ViewCase::new("ordinary", &ordinary(3, 3), 3, (160, 104), ORDINARY),
         ViewCase::new("ordinary", &ordinary(1, 4), 0, (7, 5), ORDINARY),
         ViewCase::new("ordinary", &ordinary(0, 5), 0, (1, 1), ORDINARY),
-        ViewCase::new("screen covers", &huge(60, 6), 0, (97, 63), ORDINARY),
+        ViewCase::new("screen covers", &huge(60, 6), 0, (97, 63), COVERS),
         ViewCase::new("equal depths", &layers(8, 40, 7), 0, (81, 53), ORDINARY),
         ViewCase::new("needles", &needles(80, 8), 0, (160, 104), NEEDLES),
     ]

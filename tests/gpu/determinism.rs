@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use gspotential::config::Config;
+use gspotential::doctor::determinism::fnv1a;
 use gspotential::gaussians::Gaussians;
 use gspotential::gpu::Gpu;
 use gspotential::pipeline::{self, Prepared, prepare};
@@ -11,8 +12,8 @@ use gspotential::scene::builtin::{BuiltinOptions, scene};
 use gspotential::scene::{Scene, SceneSource};
 use gspotential::train::{Observer, Trained, Trainer};
 
-use super::render::print;
 use super::rig::context;
+use super::views::print;
 
 const WIDTH: u32 = 72;
 
@@ -99,22 +100,15 @@ fn runs_with_one_seed_are_equal_to_the_byte_whatever_the_threads() {
         .install(|| run(&scene, &folder.path().join("third")));
     print(&format!(
         "point_cloud.ply of three runs: {:016x}, {:016x}, {:016x}\n",
-        hash(&first.0),
-        hash(&second.0),
-        hash(&third.0)
+        fnv1a(&first.0),
+        fnv1a(&second.0),
+        fnv1a(&third.0)
     ));
     for (which, other) in [("second", &second), ("other threads", &third)] {
         assert!(first.0 == other.0, "{which}: point_cloud.ply differs");
         assert_eq!(first.1, other.1, "{which}: metrics");
         assert_eq!(first.2, other.2, "{which}: evaluation");
     }
-}
-
-/// FNV-1a.
-fn hash(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| {
-        (h ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3)
-    })
 }
 
 struct Quiet;

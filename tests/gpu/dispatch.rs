@@ -1,12 +1,13 @@
 //! Dispatches and buffers at the adapter's limits.
 
+use gspotential::doctor::view_of;
 use gspotential::gpu::kernel::fold;
 use gspotential::gpu::shader::compose;
 use gspotential::gpu::{Buffer, Commands, Kernel};
+use gspotential::reference::cases::cameras;
 use gspotential::render::{Capacity, Model, Workspace};
 
-use super::rig::{context, view_of};
-use gspotential::reference::cases::cameras;
+use super::rig::context;
 
 #[test]
 fn folded_grids_hold_all_workgroups_within_the_limit() {

@@ -6,10 +6,9 @@ use std::mem::offset_of;
 
 use gspotential::gpu::constants;
 use gspotential::gpu::shader::{STAGES, compose};
+use gspotential::reference::{project, raster};
 use gspotential::render::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use gspotential::train::optimizer::{RearrangeUniform, StepUniform};
-
-use gspotential::reference::{project, raster};
 
 /// Every stage at every SH degree.
 fn variants() -> impl Iterator<Item = (&'static str, u32)> {
@@ -172,7 +171,7 @@ fn no_stage_holds_a_float_atomic_or_depends_on_subgroups() {
 }
 
 #[test]
-fn constants_are_those_of_the_twins() {
+fn constants_are_those_of_the_reference() {
     assert_eq!(constants::DILATION, project::DILATION);
     assert_eq!(constants::ALPHA_MAX, raster::ALPHA_MAX);
     assert_eq!(constants::ALPHA_MIN, raster::ALPHA_MIN);

@@ -6,12 +6,11 @@ mod specimens;
 mod training;
 
 use gspotential::config::Config;
+use gspotential::doctor::Context;
 use gspotential::error::Result;
 use gspotential::gaussians::Gaussians;
 use gspotential::run::LossSample;
 use gspotential::train::{Observer, Supervision, Trained, train};
-
-use crate::gpu::rig::Context;
 
 struct Quiet;
 
