@@ -1,5 +1,6 @@
-//! What a run shows: image files, contact sheets and tables.
+//! What a run shows: image files, contact sheets, tables and plots.
 
+pub mod plot;
 mod sheet;
 mod table;
 

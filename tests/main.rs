@@ -13,6 +13,7 @@ mod geometry;
 mod gpu;
 mod hard;
 mod metrics;
+mod plot;
 mod policy;
 mod reference;
 mod report;
