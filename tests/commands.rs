@@ -4,6 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use gspotential::doctor::stage;
+
 fn run(folder: &Path, args: &[&str]) -> Output {
     let output = Command::new(env!("CARGO_BIN_EXE_gspotential"))
         .args(args)
@@ -128,4 +130,32 @@ fn a_run_that_was_cut_short_is_no_run_to_evaluate() {
         line.starts_with("error: ") && line.contains("metrics.json"),
         "{line}"
     );
+}
+
+#[test]
+fn the_doctor_finds_every_stage_in_bounds_and_says_so_in_both_forms() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = run(folder.path(), &["doctor", "--json", "doctor.json"]);
+    let table = String::from_utf8(output.stdout).unwrap();
+    let report = json(&folder.path().join("doctor.json"));
+    assert_eq!(report["holds"], true, "{table}");
+    let stages = report["stages"].as_array().expect("stages");
+    assert_eq!(stages.len(), stage::ALL.len());
+    for (stage, name) in stages.iter().zip(stage::ALL) {
+        assert_eq!(stage["stage"], name);
+        assert!(stage["seconds"].as_f64() > Some(0.0), "{stage}");
+        assert!(stage["count"].as_u64() > Some(0), "{stage}");
+        assert!(stage["worst"]["error"].as_f64() <= stage["worst"]["bound"].as_f64());
+        let row = table
+            .lines()
+            .find(|line| line.starts_with(&format!("| {name} ")));
+        assert!(
+            row.is_some_and(|row| row.ends_with(" ok |")),
+            "{name}: {table}"
+        );
+    }
+    assert!(report["findings"].as_array().expect("findings").len() > 400);
+    let hashes = &report["repeat"]["hashes"];
+    assert_eq!(hashes[0], hashes[1]);
+    assert!(table.contains("equal to the bit") && table.contains("storage buffers"));
 }

@@ -96,18 +96,7 @@ pub fn examine(gpu: Gpu) -> Result<Report> {
         timings.push(timing);
     }
     let repeat = determinism::repeat(&ctx)?;
-    let stages: Vec<StageReport> = stage::ALL
-        .iter()
-        .map(|stage| StageReport::of(stage, &findings, &timings))
-        .collect();
-    Ok(Report {
-        version: env!("CARGO_PKG_VERSION"),
-        adapter,
-        holds: repeat.holds && stages.iter().all(|stage| stage.holds),
-        stages,
-        repeat,
-        findings,
-    })
+    Ok(Report::new(adapter, repeat, findings, &timings))
 }
 
 /// Every kernel on small cases.
@@ -172,8 +161,40 @@ impl StageReport {
 }
 
 impl Report {
+    /// The verdict over what was found.
+    pub fn new(
+        adapter: Adapter,
+        repeat: Repeat,
+        findings: Vec<Finding>,
+        timings: &[Timing],
+    ) -> Report {
+        let stages: Vec<StageReport> = stage::ALL
+            .iter()
+            .map(|stage| StageReport::of(stage, &findings, timings))
+            .collect();
+        Report {
+            version: env!("CARGO_PKG_VERSION"),
+            adapter,
+            holds: repeat.holds && stages.iter().all(|stage| stage.holds),
+            stages,
+            repeat,
+            findings,
+        }
+    }
+
+    /// # Errors
+    /// Something is out of bounds: names the stages.
+    pub fn verdict(&self) -> Result<()> {
+        if self.holds {
+            return Ok(());
+        }
+        let what = format!("out of bounds: {}", self.failures().join(", "));
+        let way_out = "do not trust results of this adapter; update its driver or use another";
+        Err(Error::new(what).at(&self.adapter.name).way_out(way_out))
+    }
+
     /// The stages that are out of bounds; training, where it does not repeat.
-    pub fn failures(&self) -> Vec<&str> {
+    fn failures(&self) -> Vec<&str> {
         let stages = self.stages.iter().filter(|stage| !stage.holds);
         let mut failures: Vec<&str> = stages.map(|stage| stage.stage).collect();
         if !self.repeat.holds {

@@ -1,8 +1,9 @@
 //! The doctor finds what is planted in the kernels, stage by stage, and says so.
 
+use gspotential::doctor::determinism::Repeat;
 use gspotential::doctor::loss::{Kind, LossCase, MaskKind};
 use gspotential::doctor::view::{ORDINARY, ViewCase};
-use gspotential::doctor::{Context, Finding, adam, changes, loss, stage, view};
+use gspotential::doctor::{Adapter, Context, Finding, Report, adam, changes, loss, stage, view};
 use gspotential::error::Result;
 use gspotential::gpu::Gpu;
 use gspotential::gpu::shader::{STAGES, compose};
@@ -166,6 +167,60 @@ fn a_slip_in_any_kernel_is_found_and_named_first() {
             .find(failed);
         let first = first.map(|f| f.stage);
         assert_eq!(first, Some(plant.noticed), "{}: {}", plant.stage, plant.to);
+        let error = report(findings).verdict().expect_err("something failed");
+        assert_eq!(error.exit_code(), 1);
+        assert!(error.to_string().contains(plant.noticed), "{error}");
     }
     assert!(unplanted.is_empty(), "nothing planted in {unplanted:?}");
+}
+
+/// The report over these findings, were training to repeat.
+fn report(findings: Vec<Finding>) -> Report {
+    let repeat = Repeat {
+        iterations: 1,
+        n_gaussians: 1,
+        hashes: ["0".into(), "0".into()],
+        holds: true,
+    };
+    Report::new(Adapter::of(&context().gpu), repeat, findings, &[])
+}
+
+/// One finding a stage, all well.
+fn all_well() -> Vec<Finding> {
+    let finding = |stage: &&'static str| Finding {
+        stage,
+        case: "any".into(),
+        what: "any".into(),
+        error: 0.5,
+        bound: 1.0,
+    };
+    stage::ALL.iter().map(finding).collect()
+}
+
+#[test]
+fn a_report_passes_only_with_every_stage_compared_and_in_bounds() {
+    report(all_well()).verdict().expect("all is well");
+    for (i, stage) in stage::ALL.iter().enumerate() {
+        let mut lacking = all_well();
+        lacking.remove(i);
+        let mut beyond = all_well();
+        beyond[i].error = 1.5;
+        let mut lost = all_well();
+        lost[i].error = f64::INFINITY;
+        for findings in [lacking, beyond, lost] {
+            let report = report(findings);
+            let error = report.verdict().expect_err("a stage failed").to_string();
+            assert!(
+                error.contains(&format!("out of bounds: {stage};")),
+                "{error}"
+            );
+            let table = report.to_string();
+            assert_eq!(table.matches("**FAILED**").count(), 1, "{table}");
+        }
+    }
+    let mut differs = report(all_well());
+    differs.repeat.holds = false;
+    differs.holds = false;
+    let error = differs.verdict().expect_err("training differs").to_string();
+    assert!(error.contains("training twice"), "{error}");
 }

@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::mem::offset_of;
 
+use gspotential::doctor;
 use gspotential::gpu::constants;
 use gspotential::gpu::shader::{STAGES, compose};
 use gspotential::reference::{project, raster};
@@ -136,6 +137,30 @@ fn every_entry_point_has_the_hosts_workgroup_size() {
             );
         }
     }
+}
+
+#[test]
+fn the_doctor_knows_what_the_kernels_need() {
+    let (mut storage, mut uniform, mut shared) = (0, 0, 0);
+    for (stage, degree) in variants() {
+        let module = parse(stage, degree);
+        let count = |is: fn(naga::AddressSpace) -> bool| {
+            let variables = module.global_variables.iter();
+            variables.filter(|(_, v)| is(v.space)).count() as u32
+        };
+        use naga::AddressSpace::{Storage, Uniform, WorkGroup};
+        storage = storage.max(count(|space| matches!(space, Storage { .. })));
+        uniform = uniform.max(count(|space| matches!(space, Uniform)));
+        let in_workgroup = module
+            .global_variables
+            .iter()
+            .filter(|(_, v)| v.space == WorkGroup);
+        let bytes = in_workgroup.map(|(_, v)| module.types[v.ty].inner.size(module.to_ctx()));
+        shared = shared.max(bytes.sum());
+    }
+    assert_eq!(storage, doctor::STORAGE_BUFFERS);
+    assert_eq!(uniform, doctor::UNIFORM_BUFFERS);
+    assert_eq!(shared, doctor::WORKGROUP_BYTES);
 }
 
 #[test]
