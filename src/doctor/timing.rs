@@ -156,7 +156,7 @@ pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<Vec<Timing>> {
             watch.keep(stage, seconds);
         }
     }
-    let n = case.gaussians.len();
+    let n = case.gaussians.n();
     Ok([
         (stage::PROJECT, n, "Gaussians"),
         (stage::DEPTH_KEYS, n, "Gaussians"),

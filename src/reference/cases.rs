@@ -116,7 +116,7 @@ fn build(
         sh_degree,
     };
     let mut depths = vec![BTreeSet::new(); cameras.len()];
-    while gaussians.len() < n {
+    while gaussians.n() < n {
         let Draw {
             mean,
             scale,

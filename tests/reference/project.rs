@@ -60,7 +60,7 @@ fn unit(random: &mut Random) -> Vec3 {
 fn check_projection(name: &str, case: &TwinCase) -> usize {
     let mut n_clamped = 0;
     for camera in &case.cameras {
-        for i in 0..case.gaussians.len() {
+        for i in 0..case.gaussians.n() {
             let splat = project(&case.gaussians, i, camera);
             let p = camera.to_camera(&case.gaussians.means[i]);
             let bounds = camera.tangent_bounds();

@@ -29,7 +29,7 @@ fn check_case(name: &str, case: &TwinCase) {
             dot(&image.rgb, &d_rgb) + dot(&image.alpha, &d_alpha)
         };
         let gradients = backward(&case.gaussians, &camera, &reference, &d_rgb, &d_alpha);
-        let n = case.gaussians.len();
+        let n = case.gaussians.n();
         for ((class, values), (_, range)) in gradients.classes().into_iter().zip(CLASSES) {
             let differences: Vec<f64> = (0..n)
                 .flat_map(|i| range.clone().map(move |k| (i, k)))

@@ -1,0 +1,132 @@
+//! CSV, Markdown and plots.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use gspotential::error::{Result, create_dir, write_file};
+use gspotential::report::Table;
+use gspotential::report::plot::{Axis, Plot, Point, Style};
+
+use super::Measured;
+use super::variants::{ALPHA, DEPTH, EXP, SH, TILES};
+
+/// Why each choice is as it is.
+const REASONS: [(&str, &str); 7] = [
+    (
+        ALPHA,
+        "3DGS's own; what is trained here looks the same in every viewer",
+    ),
+    (TILES, "no pixel lost, and the shortest lists of the three"),
+    (
+        DEPTH,
+        "order exactly as f32 depths do; bits of the near plane are saved, which costs nothing",
+    ),
+    (
+        EXP,
+        "the gradient's error stays that of f32 sums on every driver",
+    ),
+    (
+        SH,
+        "Adam's steps of higher degrees, 1e-4 and less, would be lost in half floats",
+    ),
+    (
+        "candidate grid",
+        "the error is that of drawing without replacement, not the grid's",
+    ),
+    (
+        "point splat",
+        "the paper's; covered pixels, which are what training sees, are best",
+    ),
+];
+
+/// Writes everything into `folder`, and the tables to stdout.
+pub fn write(
+    folder: &Path,
+    headline: &str,
+    kernels: &[Measured],
+    grid: &[Measured],
+    splat: &[Measured],
+) -> Result<()> {
+    create_dir(folder)?;
+    let all: Vec<&Measured> = kernels.iter().chain(grid).chain(splat).collect();
+    write_file(&folder.join("tradeoff.csv"), csv(&all).as_bytes())?;
+    let markdown = markdown(headline, &all);
+    write_file(&folder.join("tradeoff.md"), markdown.as_bytes())?;
+    println!("{markdown}");
+    let image = Axis::log("image error, RMSE");
+    let time = || Axis::linear("time of a view, of that of the kept setting");
+    plot("Kernels", time(), image, kernels).write(&folder.join("tradeoff-kernels.svg"))?;
+    let (time, error) = (
+        Axis::log("time, of that of the kept grid"),
+        Axis::log("total variation"),
+    );
+    plot("Candidate grid", time, error, grid).write(&folder.join("tradeoff-grid.svg"))?;
+    let (time, error) = (
+        Axis::linear("time of a view, of that of the kept size"),
+        Axis::linear("image error, RMSE"),
+    );
+    plot("Point splat", time, error, splat).write(&folder.join("tradeoff-splat.svg"))?;
+    eprintln!("wrote {}", folder.display());
+    Ok(())
+}
+
+/// Seconds of the kept setting of a choice.
+fn kept_seconds(all: &[&Measured], choice: &str) -> f64 {
+    let kept = all.iter().find(|m| m.choice == choice && m.kept);
+    kept.map_or(f64::NAN, |m| m.seconds)
+}
+
+fn csv(all: &[&Measured]) -> String {
+    let mut out = String::from("choice,setting,kept,seconds,time_ratio,error,note\n");
+    for m in all {
+        let ratio = m.seconds / kept_seconds(all, m.choice);
+        let _ = writeln!(
+            out,
+            "{},{},{},{:e},{ratio:.4},{:e},{}",
+            m.choice, m.setting, m.kept, m.seconds, m.error, m.note
+        );
+    }
+    out
+}
+
+fn markdown(headline: &str, all: &[&Measured]) -> String {
+    let mut out = format!("{headline}\n");
+    for (choice, reason) in REASONS {
+        let _ = write!(out, "\n### {choice}\n\n");
+        let header = ["setting", "ms", "time ratio", "error", "also"];
+        let mut table = Table::new(&header);
+        for m in all.iter().filter(|m| m.choice == choice) {
+            let name = if m.kept {
+                format!("**{}**", m.setting)
+            } else {
+                m.setting.clone()
+            };
+            table.row(&[
+                name,
+                format!("{:.2}", 1e3 * m.seconds),
+                format!("{:.3}", m.seconds / kept_seconds(all, choice)),
+                format!("{:.1e}", m.error),
+                m.note.clone(),
+            ]);
+        }
+        let _ = write!(out, "{table}\nKept: {reason}.\n");
+    }
+    out
+}
+
+/// One series a choice, and its kept setting apart.
+fn plot(title: &str, x: Axis, y: Axis, measured: &[Measured]) -> Plot {
+    let all: Vec<&Measured> = measured.iter().collect();
+    let point = |m: &&Measured| Point::new(m.seconds / kept_seconds(&all, m.choice), m.error);
+    let mut choices: Vec<&str> = all.iter().map(|m| m.choice).collect();
+    choices.dedup();
+    choices.sort_unstable();
+    choices.dedup();
+    let mut plot = Plot::new(title, x, y);
+    for choice in choices {
+        let own = all.iter().filter(|m| m.choice == choice && !m.kept);
+        plot = plot.with(choice, Style::Marks, own.map(point).collect());
+    }
+    let kept = all.iter().filter(|m| m.kept);
+    plot.with("kept", Style::Marks, kept.map(point).collect())
+}
