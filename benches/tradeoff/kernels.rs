@@ -1,7 +1,5 @@
 //! Views rendered and differentiated under every setting of the kernels.
 
-use std::time::Instant;
-
 use gspotential::camera::Camera;
 use gspotential::config::Config;
 use gspotential::doctor::{Context, Rig, twin_of, wide};
@@ -21,6 +19,7 @@ use gspotential::scene::Scene;
 use gspotential::train::{Observer, train};
 
 use super::Measured;
+use super::clock::of_gpu;
 use super::variants::{self, Variant};
 
 /// Test views that are measured, evenly over all.
@@ -169,7 +168,7 @@ impl Bench {
         for rig in &self.rigs {
             let pass = rig.pass(&self.ctx);
             let mut run = |record: &dyn Fn(&Pass<'_>, &mut Commands<'_>)| {
-                timed(&self.ctx.gpu, &mut self.profile, |commands| {
+                of_gpu(&self.ctx.gpu, &mut self.profile, |commands| {
                     record(&pass, commands);
                 })
             };
@@ -203,24 +202,6 @@ impl Bench {
             ));
         }
         Ok(images)
-    }
-}
-
-/// Seconds of a submission, by timestamps where there are any.
-fn timed(
-    gpu: &Gpu,
-    profile: &mut Option<Profile>,
-    record: impl FnOnce(&mut Commands<'_>),
-) -> Result<f64> {
-    let start = Instant::now();
-    let mut commands = Commands::profiled(gpu, profile.as_mut());
-    record(&mut commands);
-    commands.submit();
-    gpu.wait()?;
-    let wall = start.elapsed().as_secs_f64();
-    match profile {
-        Some(profile) => Ok(profile.take(gpu)?.values().sum()),
-        None => Ok(wall),
     }
 }
 

@@ -7,6 +7,7 @@
 //! take turns, so that a machine that is shared slows all of them alike, and each one's fastest
 //! round counts.
 
+mod clock;
 mod grid;
 mod kernels;
 mod output;
@@ -85,8 +86,14 @@ fn main() -> Result<()> {
     eprintln!("kernels, after {} iterations of training", args.iterations);
     let (kernels, adapter) = kernels::measure(&scene, &config, args.rounds)?;
     let headline = format!(
-        "{adapter}; {} at {} px, {} Gaussians to start from, {} iterations; fastest of {} rounds",
-        scene.name, args.max_size, args.max_points, args.iterations, args.rounds
+        "{adapter}; {} at {} px, {} Gaussians to start from, {} iterations of training. Times: {}, \
+         the least of {} rounds",
+        scene.name,
+        args.max_size,
+        args.max_points,
+        args.iterations,
+        clock::unit(),
+        args.rounds
     );
     output::write(&args.out, &headline, &kernels, &grid, &splat)
 }

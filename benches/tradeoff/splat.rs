@@ -1,7 +1,5 @@
 //! The side of a splatted point's square against the images of the bare point splat.
 
-use std::time::Instant;
-
 use gspotential::camera::Camera;
 use gspotential::config::Config;
 use gspotential::error::Result;
@@ -11,6 +9,7 @@ use gspotential::scene::Scene;
 use gspotential::splat::splat_views;
 
 use super::Measured;
+use super::clock::of_cpu;
 
 /// Times a splat a view at the test views and scores it against the photographs there.
 pub fn measure(scene: &Scene, config: &Config, rounds: usize) -> Result<Vec<Measured>> {
@@ -29,10 +28,10 @@ pub fn measure(scene: &Scene, config: &Config, rounds: usize) -> Result<Vec<Meas
     for _ in 0..rounds {
         for (best, size_px) in best.iter_mut().zip(sizes) {
             let settings = with(size_px);
-            let start = Instant::now();
             let near = config.model.near;
-            splat_views(&scene.cloud, &frame, &test, &settings.splat, near)?;
-            *best = best.min(start.elapsed().as_secs_f64() / test.len().max(1) as f64);
+            let seconds =
+                of_cpu(|| splat_views(&scene.cloud, &frame, &test, &settings.splat, near))?;
+            *best = best.min(seconds / test.len().max(1) as f64);
         }
     }
     let mut measured = Vec::new();

@@ -201,9 +201,11 @@ fn halve_sh(source: &str) -> String {
         out = out.replace(&declared, &format!("{name}: array<vec2u>;"));
         out = wrapped(&out, &format!("{name}["));
     }
+    // By integers: not every adapter unpacks half floats. Their exponent is 112 less.
     out + "
 fn from_halves(v: vec2u) -> vec4f {
-    return vec4f(unpack2x16float(v.x), unpack2x16float(v.y));
+    let h = vec4u(v.x, v.x >> 16u, v.y, v.y >> 16u);
+    return bitcast<vec4f>(((h & vec4u(0x7fffu)) << vec4u(13u)) | ((h & vec4u(0x8000u)) << vec4u(16u))) * 5.192296858534828e33;
 }
 "
 }
