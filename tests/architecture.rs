@@ -138,7 +138,7 @@ fn foreign_to_reference(code: &str) -> Vec<String> {
     let lines = lines.map(|line| line.strip_prefix("pub ").unwrap_or(line));
     let mut found = Vec::new();
     for line in lines {
-        let uses = line.strip_prefix("use ").map(|path| first_names(path));
+        let uses = line.strip_prefix("use ").map(first_names);
         let foreign = |name: &String| !REFERENCE_NEEDS.contains(&name.as_str());
         found.extend(uses.into_iter().flatten().filter(foreign));
         if line.contains("include!") || line.starts_with("#[path") {

@@ -108,6 +108,19 @@ fn a_run_holds_what_the_readme_says_and_can_be_evaluated_and_rendered() {
     assert_eq!(render("c", &from_scene), train_views);
     let named = ["--cameras", &cameras, "--views", "test_00.png,train_02.png"];
     assert_eq!(render("d", &named), ["test_00.png", "train_02.png"]);
+    // A Gaussian that is not a number is left out and counted.
+    let mut bytes = fs::read(at(&model)).unwrap();
+    let start = bytes
+        .windows(11)
+        .position(|w| w == b"end_header\n")
+        .unwrap()
+        + 11;
+    bytes[start..start + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    fs::write(at("nan.ply"), bytes).unwrap();
+    let args = "render --model nan.ply --scene builtin:32 --views test_00.png --out e";
+    let output = run(folder.path(), &args.split(' ').collect::<Vec<_>>());
+    let log = String::from_utf8(output.stderr).unwrap();
+    assert!(log.contains("1 of 200 Gaussians are not finite"), "{log}");
     // The frame that a camera file's own cameras span sets the near plane alone.
     assert_eq!(fs::read(at("d").join("test_00.png")).unwrap(), image);
 }

@@ -9,11 +9,10 @@ pub struct Edit {
     to: String,
 }
 
-/// One setting of one choice.
+/// One setting of one choice; an empty choice is the program as it is.
 pub struct Variant {
     pub choice: &'static str,
     pub setting: String,
-    pub kept: bool,
     edits: Vec<Edit>,
     /// Whether SH coefficients are stored as pairs of half floats.
     pub half_sh: bool,
@@ -32,7 +31,6 @@ impl Variant {
         Variant {
             choice,
             setting: setting.to_owned(),
-            kept: edits.is_empty(),
             edits,
             half_sh: false,
             depth_bits: 30,
@@ -63,24 +61,24 @@ fn edit(stage: &'static str, from: &str, to: &str) -> Edit {
     }
 }
 
-/// Every setting, the kept ones first.
+/// What the program uses, by choice.
+pub const KEPT: [(&str, &str); 5] = [
+    (ALPHA, "1/255"),
+    (TILES, "rows of the ellipse"),
+    (DEPTH, "30 bits"),
+    (EXP, "polynomial of degree 6"),
+    (SH, "32-bit floats"),
+];
+
+/// The program as it is, and every other setting.
 pub fn all() -> Vec<Variant> {
-    let mut all: Vec<Variant> = [
-        (ALPHA, "1/255"),
-        (TILES, "rows of the ellipse"),
-        (DEPTH, "30 bits"),
-        (EXP, "polynomial of degree 6"),
-        (SH, "32-bit floats"),
-    ]
-    .map(|(choice, setting)| Variant::new(choice, setting, Vec::new()))
-    .into();
+    let mut all = vec![Variant::new("", "", Vec::new())];
     all.extend([65_536, 1024, 512, 128, 64, 32].map(alpha));
     all.extend([bounding_box(), square()]);
     all.extend([16, 24, 32].map(depth));
     all.extend(exponentials());
     all.push(Variant {
         half_sh: true,
-        kept: false,
         ..Variant::new(SH, "16-bit floats", Vec::new())
     });
     all
