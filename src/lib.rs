@@ -2,9 +2,10 @@
 //!
 //! Data flows one way: [`scene`] -> [`field`] -> [`views`] -> [`splat`] -> [`render`] ->
 //! [`train`] -> [`eval`] -> [`report`]; [`gpu`], [`config`], [`camera`], [`gaussians`],
-//! [`progress`], [`run`] and [`error`] lie beneath. [`metrics`] measures images for [`eval`],
-//! [`pipeline`] calls the stages in a row, and [`cli`] is the commands on top. [`reference`] stands
-//! apart: the same computed in f64 by other means, which [`doctor`] holds the GPU to.
+//! [`progress`], [`digest`], [`run`] and [`error`] lie beneath. [`metrics`] measures images for
+//! [`eval`], [`pipeline`] calls the stages in a row, and [`cli`] is the commands on top.
+//! [`reference`] stands apart: the same computed in f64 by other means, which [`doctor`] holds the
+//! GPU to.
 //!
 //! Frames and units: the scene's own frame is that of its camera poses (world-to-camera, +z
 //! forward, y down). Everything on the GPU lives in the canonical frame ([`camera::Frame`]):
@@ -14,6 +15,7 @@ pub mod camera;
 pub mod cameras_json;
 pub mod cli;
 pub mod config;
+pub mod digest;
 pub mod doctor;
 pub mod error;
 pub mod eval;

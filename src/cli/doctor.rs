@@ -25,10 +25,17 @@ pub struct DoctorArgs {
     /// Write the report with every single comparison to this file, too
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+
+    /// Replace the file of --json
+    #[arg(long)]
+    overwrite: bool,
 }
 
 impl DoctorArgs {
     pub fn run(self) -> Result<()> {
+        if let Some(path) = &self.json {
+            super::check_output(path, self.overwrite)?;
+        }
         let gpu = Gpu::open()?;
         eprintln!("adapter: {}", gpu.describe());
         let report = examine(gpu)?;

@@ -2,10 +2,12 @@
 
 mod doctor;
 mod eval;
+mod measure;
 mod render;
 mod train;
 
 use std::io::Write;
+use std::path::Path;
 
 use clap::{Parser, Subcommand};
 
@@ -59,6 +61,25 @@ fn print(text: &str) -> Result<()> {
     {
         Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Error::new(format!("cannot write: {e}")).at("stdout"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Whether a file that a command writes may be written, before it takes time.
+fn check_output(path: &Path, overwrite: bool) -> Result<()> {
+    if path.is_dir() {
+        return Err(Error::usage("is a folder").at_path(path));
+    }
+    if path.exists() && !overwrite {
+        return Err(Error::new("is there already")
+            .at_path(path)
+            .way_out("name another file, or replace it with --overwrite"));
+    }
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+    match folder {
+        Some(folder) if !folder.is_dir() => {
+            Err(Error::new("its folder is not there").at_path(path))
         }
         _ => Ok(()),
     }

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::rig::Context;
 use crate::config::{Config, PRESETS};
+use crate::digest::sha256;
 use crate::error::Result;
 use crate::gaussians::Gaussians;
 use crate::pipeline::{Prepared, prepare};
@@ -17,7 +18,7 @@ pub struct Repeat {
     pub iterations: u32,
     /// Gaussians at the end.
     pub n_gaussians: usize,
-    /// FNV-1a of every parameter's bits, one a run.
+    /// Of every parameter's bits, one a run.
     pub hashes: [String; 2],
     pub holds: bool,
 }
@@ -61,7 +62,7 @@ pub fn repeat(ctx: &Context) -> Result<Repeat> {
         train(gpu, kernels, &start, &supervision, &config, &mut quiet)
     };
     let (first, second) = (run()?.gaussians, run()?.gaussians);
-    let hashes = [&first, &second].map(|g| format!("{:016x}", hash_of(g)));
+    let hashes = [hash_of(&first), hash_of(&second)];
     Ok(Repeat {
         iterations: config.iterations,
         n_gaussians: first.len(),
@@ -76,8 +77,8 @@ impl Observer for Quiet {
     fn look(&mut self, _: &LossSample, _: usize) {}
 }
 
-/// Hash of every parameter's bits.
-fn hash_of(g: &Gaussians) -> u64 {
+/// First digits of the digest of every parameter's bits.
+fn hash_of(g: &Gaussians) -> String {
     let parts: [&[u8]; 5] = [
         bytemuck::cast_slice(&g.means),
         bytemuck::cast_slice(&g.opacity_logits),
@@ -85,12 +86,7 @@ fn hash_of(g: &Gaussians) -> u64 {
         bytemuck::cast_slice(&g.rotations_wxyz),
         bytemuck::cast_slice(&g.sh),
     ];
-    fnv1a(parts.into_iter().flatten())
-}
-
-/// The hash of Fowler, Noll and Vo (FNV-1a, 64 bits): the same on every machine.
-pub fn fnv1a<'a>(bytes: impl IntoIterator<Item = &'a u8>) -> u64 {
-    bytes.into_iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)
-    })
+    let mut digest = sha256(&parts.concat());
+    digest.truncate(16);
+    digest
 }

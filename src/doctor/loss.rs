@@ -46,6 +46,16 @@ impl MaskKind {
         MaskKind::Empty,
     ];
 
+    fn name(self) -> &'static str {
+        match self {
+            MaskKind::Half => "half",
+            MaskKind::OnePixel => "one pixel",
+            MaskKind::Hole => "hole",
+            MaskKind::Full => "full",
+            MaskKind::Empty => "empty",
+        }
+    }
+
     fn of(self, width: usize, height: usize) -> Vec<bool> {
         let n = width * height;
         let mut random = Random::new(n as u64);
@@ -130,14 +140,12 @@ pub fn examine(ctx: &Context, case: &LossCase) -> Result<Findings> {
     let LossCase { size, kind, mask } = *case;
     let (width, height) = size;
     let n = width * height;
-    let (stage, name) = match mask {
-        Some(mask) => (
-            stage::MASKED_LOSS,
-            format!("{kind:?} {mask:?} {width}x{height}"),
-        ),
-        None => (stage::LOSS, format!("{kind:?} {width}x{height}")),
+    let (stage, mask_name) = match mask {
+        Some(mask) => (stage::MASKED_LOSS, format!(", {} mask", mask.name())),
+        None => (stage::LOSS, String::new()),
     };
-    let mut out = Findings::of(name.to_lowercase());
+    let kind_name = format!("{kind:?}").to_lowercase();
+    let mut out = Findings::of(format!("{kind_name}{mask_name} {width}x{height}"));
     let (goal, render) = images(kind, size);
     let mask = mask.map(|mask| mask.of(width, height));
     let n_valid = mask
