@@ -3,6 +3,7 @@
 mod architecture;
 mod builtin;
 mod cameras_json;
+mod carve;
 mod cli;
 mod commands;
 mod comparison;
@@ -21,5 +22,6 @@ mod report;
 mod run;
 mod scene;
 mod splat;
-
+mod study;
 mod views;
+mod visibility;

@@ -48,9 +48,14 @@ fn plain_camera() -> Camera {
 }
 
 /// The nearest point of every pixel by looking at all points for each pixel.
-fn brute_force(cloud: &PointCloud, camera: &Camera, size_px: u32) -> Vec<Option<usize>> {
+pub fn brute_force(
+    cloud: &PointCloud,
+    camera: &Camera,
+    size_px: u32,
+    near: f64,
+) -> Vec<Option<usize>> {
     let points: Vec<[f64; 3]> = cloud.positions.iter().map(DVec3::to_array).collect();
-    nearest_points(&points, &twin_of(camera, NEAR), size_px as usize)
+    nearest_points(&points, &twin_of(camera, near), size_px as usize)
 }
 
 fn random_cloud(seed: u64, n: usize) -> PointCloud {
@@ -89,7 +94,7 @@ fn splat_equals_the_brute_force_z_buffer() {
         ] {
             let camera = camera(eye, dvec3(0.05, -0.1, 0.0));
             let image = splat(&points, &camera, &config(size_px, 5, 0));
-            let nearest = brute_force(&points, &camera, size_px);
+            let nearest = brute_force(&points, &camera, size_px, NEAR);
             let expected = expected(&points, &nearest);
             assert!(nearest.iter().any(Option::is_some));
             assert!(image.rgba == expected, "size {size_px} from {eye}");
@@ -101,7 +106,7 @@ fn splat_equals_the_brute_force_z_buffer() {
 fn the_comparison_with_brute_force_sees_one_changed_point() {
     let mut points = random_cloud(1, 700);
     let camera = camera(dvec3(2.0, 1.0, 0.5), DVec3::ZERO);
-    let nearest = brute_force(&points, &camera, 1);
+    let nearest = brute_force(&points, &camera, 1, NEAR);
     let seen = nearest.iter().flatten().next().copied().unwrap();
     let before = expected(&points, &nearest);
     points.positions[seen] += dvec3(0.0, 0.0, 0.1);

@@ -58,16 +58,8 @@ struct Args {
 }
 
 fn load(args: &Args, config: &Config) -> Result<Scene> {
-    load_scene(
-        &args.scene.clone().resolved()?.at_most(args.max_size),
-        &LoadOptions {
-            max_width: config.scene.max_width_px,
-            max_size: config.scene.max_size_px,
-            train_views: None,
-            n_train: config.scene.n_train,
-            n_test: config.scene.n_test,
-        },
-    )
+    let source = args.scene.clone().resolved()?.at_most(args.max_size);
+    load_scene(&source, &LoadOptions::new(config))
 }
 
 fn main() -> Result<()> {

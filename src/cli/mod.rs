@@ -4,6 +4,7 @@ mod doctor;
 mod eval;
 mod measure;
 mod render;
+mod study;
 mod train;
 
 use std::io::Write;
@@ -37,6 +38,7 @@ enum Command {
     Train(train::TrainArgs),
     Eval(eval::EvalArgs),
     Render(render::RenderArgs),
+    Study(study::StudyArgs),
     Doctor(doctor::DoctorArgs),
 }
 
@@ -47,6 +49,7 @@ impl Cli {
             Command::Train(args) => args.run(),
             Command::Eval(args) => args.run(),
             Command::Render(args) => args.run(),
+            Command::Study(args) => args.run(),
             Command::Doctor(args) => args.run(),
         }
     }

@@ -7,11 +7,11 @@ use super::rig::twin_of;
 use super::stage;
 use super::timing::{Clock, Timing};
 use crate::camera::{Camera, Frame};
-use crate::config::Config;
+use crate::config::{Config, Kernel};
 use crate::error::Result;
 use crate::field::{Field, fibonacci_sphere};
 use crate::reference::cases::Random;
-use crate::reference::field::potentials;
+use crate::reference::field::{TwinPotentials, potentials};
 use crate::reference::splat::{filtered, nearest_points};
 use crate::reference::tolerance;
 use crate::scene::PointCloud;
@@ -22,30 +22,35 @@ pub fn examine_field(config: &Config) -> (Findings, Timing) {
     let n = config.field.n_candidates;
     let mut random = Random::new(21);
     let mut unit = || DVec3::from_array([(); 3].map(|()| random.normal())).normalize();
-    let field = Field {
-        directions: (0..4).map(|_| unit()).collect(),
+    let directions: Vec<DVec3> = (0..4).map(|_| unit()).collect();
+    let [sech, von_mises_fisher] = [Kernel::Sech, Kernel::VonMisesFisher].map(|kernel| Field {
+        directions: directions.clone(),
+        kernel,
         sigma: config.field.sigma,
         lambda: config.field.lambda,
-    };
+    });
     let grid = fibonacci_sphere(n);
     let clock = Clock::start();
-    let ours: Vec<(f64, f64)> = grid
-        .iter()
-        .map(|p| (field.u_info(*p), field.u_conf(*p)))
-        .collect();
+    let info: Vec<f64> = grid.iter().map(|p| sech.u_info(*p)).collect();
+    let conf: Vec<f64> = grid.iter().map(|p| sech.u_conf(*p)).collect();
     let seconds = clock.seconds();
+    let other: Vec<f64> = grid.iter().map(|p| von_mises_fisher.u_info(*p)).collect();
 
-    let directions: Vec<[f64; 3]> = field.directions.iter().map(DVec3::to_array).collect();
+    let directions: Vec<[f64; 3]> = directions.iter().map(DVec3::to_array).collect();
     let of = |p: &DVec3| potentials(&p.to_array(), &directions, config.field.sigma);
-    let theirs: Vec<(f64, f64)> = grid.iter().map(of).collect();
+    let twin: Vec<TwinPotentials> = grid.iter().map(of).collect();
+    let column = |pick: fn(&TwinPotentials) -> f64| twin.iter().map(pick).collect::<Vec<f64>>();
     let mut out = Findings::of(format!("{n} directions, 4 cameras"));
-    for (what, pick) in [
-        ("U_info", (|u| u.0) as fn(&(f64, f64)) -> f64),
-        ("U_conf", |u| u.1),
+    for (what, ours, theirs) in [
+        ("U_info", info, column(|u| u.sech)),
+        (
+            "U_info, von Mises-Fisher",
+            other,
+            column(|u| u.von_mises_fisher),
+        ),
+        ("U_conf", conf, column(|u| u.conf)),
     ] {
-        let column = |rows: &[(f64, f64)]| rows.iter().map(pick).collect::<Vec<f64>>();
-        let at = (stage::FIELD, what);
-        out.close(at, &column(&ours), &column(&theirs), tolerance::FIELD);
+        out.close((stage::FIELD, what), &ours, &theirs, tolerance::FIELD);
     }
     let timing = Timing::wall(stage::FIELD, n, "directions", seconds);
     (out, timing)

@@ -6,13 +6,13 @@ use gspotential::camera::Camera;
 use gspotential::config::Config;
 use gspotential::eval::EvalOptions;
 use gspotential::field::{Field, Focus};
-use gspotential::pipeline::{self, Prepared, prepare};
+use gspotential::pipeline::{self, Prepared, TrainJob, prepare};
 use gspotential::run::{RunDir, Seconds};
 use gspotential::scene::builtin::{BuiltinOptions, render, scene};
 use gspotential::scene::{Scene, SceneSource, View};
 use gspotential::splat::splat_views;
 use gspotential::train::{Trained, TrainingView};
-use gspotential::views::place;
+use gspotential::views::{Viewpoint, place};
 
 use super::survive;
 use crate::gpu::rig::context;
@@ -156,7 +156,8 @@ fn virtual_views_at_the_poles_are_learned_from() {
     let focus = Focus::find(&train, &scene.cloud).expect("a sphere");
     let field = Field::new(&train, &focus, &config.field);
     let up = train.iter().map(Camera::up).sum::<DVec3>().normalize();
-    let poles = place(&[up, -up], &train, &focus, &field, true).expect("cameras");
+    let poles = [up, -up].map(Viewpoint::on_sphere);
+    let poles = place(&poles, &train, &focus, &field, &config).expect("cameras");
     let cameras: Vec<Camera> = poles.into_iter().map(|view| view.camera).collect();
     let near = config.model.near;
     let splats = splat_views(&scene.cloud, &prepared.frame, &cameras, &config.splat, near);
@@ -244,16 +245,10 @@ fn a_test_view_that_is_a_training_view_is_evaluated_like_any_other() {
     let run = RunDir::create(&folder.path().join("run"), &config(60), false).expect("fresh");
     let source = SceneSource::Builtin { width: 48 };
     let _alone = context();
-    let evaluation = pipeline::train(
-        &gspotential::gpu::Gpu::open().expect("an adapter"),
-        &scene,
-        &source,
-        &config(60),
-        0.0,
-        &EvalOptions::default(),
-        &run,
-    )
-    .expect("trains");
+    let job = TrainJob::new(source, config(60)).expect("a job");
+    let gpu = gspotential::gpu::Gpu::open().expect("an adapter");
+    let evaluation =
+        pipeline::train(&gpu, &scene, &job, 0.0, &EvalOptions::default(), &run).expect("trains");
     let psnr: Vec<f64> = evaluation.views.iter().filter_map(|v| v.psnr).collect();
     assert_eq!(psnr.len(), 2);
     assert!(psnr[1] > psnr[0], "{psnr:?}");

@@ -2,10 +2,11 @@
 
 use std::fmt;
 
-use super::{Block, ComparedRun, Comparison, Figure, Row};
+use super::{Block, ComparedRun, Comparison, Row};
 use crate::report::evaluation::{MASKED, how};
 use crate::report::table::{Table, escaped};
 use crate::run::{LpipsRecord, Mean};
+use crate::stats::Figure;
 
 /// A column of figures.
 struct Column {
@@ -65,9 +66,10 @@ impl Column {
         };
         let digits = self.digits;
         let rounded = |value: f64| format!("{value:.digits$}");
+        let compares = figures.iter().flatten().count() > 1;
         let is_best = |figure: &Option<Figure>| {
             let mean = figure.map(|figure| rounded(figure.mean));
-            figures.len() > 1 && mean.is_some() && mean == best.map(rounded)
+            compares && mean.is_some() && mean == best.map(rounded)
         };
         let cell = |figure: &Option<Figure>| {
             let text = self.printed(*figure);
