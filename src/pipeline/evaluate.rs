@@ -1,5 +1,6 @@
 //! Evaluation of a run at its scene's test views.
 
+use super::job::cloud_of;
 use super::prepare::carved;
 use super::{TrainJob, focus_of};
 use crate::camera::Frame;
@@ -12,7 +13,7 @@ use crate::gpu::Gpu;
 use crate::metrics::quantize;
 use crate::render::Kernels;
 use crate::report::{ContactSheet, write_png};
-use crate::run::{Evaluation, Measured, PoseProtocol, RunDir, file_names};
+use crate::run::{Evaluation, Measured, PoseProtocol, RunDir, SceneRecord, file_names};
 use crate::scene::{PointCloud, SceneSource, View};
 
 /// The evaluation that `run` holds, where it is that of its model, config and scene as they are
@@ -30,7 +31,7 @@ pub fn evaluation_at_hand(run: &RunDir, options: &EvalOptions) -> Result<Option<
         return Ok(None);
     };
     let record = run.metrics()?.scene;
-    let stamp = record.source.parse::<SceneSource>()?.stamp();
+    let stamp = stamp_of(&record)?;
     let mut now = measured(run, options, stamp, record.pose_protocol)?;
     now.image_px = held.image_px;
     if now.scene_stamp.is_none() {
@@ -39,7 +40,9 @@ pub fn evaluation_at_hand(run: &RunDir, options: &EvalOptions) -> Result<Option<
     if now.lpips.is_none() {
         now.lpips = held.lpips.clone();
     }
-    Ok((now == *held).then_some(evaluation))
+    let names = evaluation.views.iter().map(|view| &view.name);
+    let is_current = now == *held && names.eq(&record.test_views);
+    Ok(is_current.then_some(evaluation))
 }
 
 /// Renders the test views of a run from its model and measures them; writes `eval.json` and
@@ -62,7 +65,7 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
     }
     let job =
         TrainJob::recorded(&metrics.scene, config.clone()).map_err(|e| e.at_path(run.root()))?;
-    let stamp = job.source.stamp();
+    let stamp = stamp_of(&metrics.scene)?;
     let scene = job.load_again().map_err(|e| e.at_path(run.root()))?;
     options
         .check(&scene.test)
@@ -81,6 +84,11 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
         what,
         metrics.seconds.train,
     )
+}
+
+fn stamp_of(record: &SceneRecord) -> Result<Option<String>> {
+    let source = record.source.parse::<SceneSource>()?;
+    Ok(source.stamp(cloud_of(record)?.as_ref()))
 }
 
 /// Measures the model in `run` and the bare splat of `cloud` at the test `views` and writes what

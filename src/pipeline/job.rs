@@ -58,10 +58,7 @@ impl TrainJob {
         Ok(TrainJob {
             train_views: Some(record.train_views.clone()),
             test_views: Some(record.test_views.clone()),
-            cloud: match &record.cloud {
-                Some(cloud) => Some(cloud.parse()?),
-                None => None,
-            },
+            cloud: cloud_of(record)?,
             ..Self::new(record.source.parse()?, config)?
         })
     }
@@ -149,6 +146,11 @@ impl TrainJob {
         let evaluation = train(&gpu, &scene, &job, load_s, options, &run, &stop)?;
         Ok(Resumed::Trained(run, evaluation))
     }
+}
+
+/// The cloud that is not the scene's own.
+pub(super) fn cloud_of(record: &SceneRecord) -> Result<Option<CloudSource>> {
+    record.cloud.as_deref().map(str::parse).transpose()
 }
 
 /// What [`TrainJob::resume`] found to do.
