@@ -1,11 +1,11 @@
 //! Counts, offsets and sizes around 2^31 and 2^32.
 
+use glam::{DMat3, DVec3};
 use gspotential::camera::Camera;
 use gspotential::gpu::{Buffer, binding_limit, kernel::fold, shader_count};
 use gspotential::render::{Capacity, ViewUniform, Workspace};
 
 use crate::gpu::rig::context;
-use crate::twins::cases::looking_at;
 
 const TWO_31: u64 = 1 << 31;
 const TWO_32: u64 = 1 << 32;
@@ -80,11 +80,16 @@ fn buffers_of_any_length_are_made_or_refused_with_their_size() {
 
 /// A camera of this size.
 fn camera(width: u32, height: u32) -> Camera {
-    let camera = crate::gpu::rig::camera_of(&looking_at([0.0, 0.0, -1.5], [0.0; 3]));
     Camera {
+        name: "large".to_owned(),
         width,
         height,
-        ..camera
+        fx: 100.0,
+        fy: 100.0,
+        cx: 50.0,
+        cy: 50.0,
+        rotation: DMat3::IDENTITY,
+        translation: DVec3::ZERO,
     }
 }
 
