@@ -54,6 +54,16 @@ pub struct SceneRecord {
     pub pose_protocol: PoseProtocol,
 }
 
+/// What an unfinished run is asked for beyond its config.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JobRecord {
+    pub scene: SceneRecord,
+    /// Iterations between two points of the curve, where there is one.
+    pub eval_every: Option<u32>,
+    /// Iterations between two checkpoints, where stated.
+    pub checkpoint_every: Option<u32>,
+}
+
 /// How the test cameras came into the frame of the training cameras. Figures under different
 /// protocols do not compare. This version makes runs of the first alone; it knows the others' to
 /// keep them apart.
@@ -92,6 +102,8 @@ pub struct Seconds {
     pub sample: Option<f64>,
     pub splat: Option<f64>,
     pub train: Option<f64>,
+    /// Part of `train`.
+    pub checkpoints: Option<f64>,
     pub eval: Option<f64>,
 }
 
