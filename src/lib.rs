@@ -6,7 +6,7 @@
 //! [`carve`] clears the cloud by the photographs and [`visibility`] weighs where views may stand,
 //! both by splats. [`metrics`] measures images for [`eval`], [`pipeline`] calls the stages in a
 //! row, [`study`] trains what a table or figure of the paper needs, and [`cli`] is the commands on
-//! top. [`reference`] stands apart: the same computed in f64 by other means, which [`doctor`] holds the
+//! top. [`mod@reference`] stands apart: the same computed in f64 by other means, which [`doctor`] holds the
 //! GPU to.
 //!
 //! Frames and units: the scene's own frame is that of its camera poses (world-to-camera, +z

@@ -111,8 +111,14 @@ impl TrainArgs {
         let checkpoint_every = self.checkpoint_every.map(NonZeroU32::get);
         if let Some(root) = &self.resume {
             return match TrainJob::resume(root, checkpoint_every, &self.measure.options()?)? {
-                Resumed::Trained(run, evaluation) => report(&run, &evaluation),
-                Resumed::WasFinished(run) => {
+                Resumed {
+                    run,
+                    evaluation: Some(evaluation),
+                } => report(&run, &evaluation),
+                Resumed {
+                    run,
+                    evaluation: None,
+                } => {
                     eprintln!(
                         "{} is finished; nothing is left to do",
                         run.root().display()

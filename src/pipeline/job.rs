@@ -132,7 +132,10 @@ impl TrainJob {
         let run = RunDir::claim(root)?;
         if run.is_finished() {
             run.checkpoints().clear()?;
-            return Ok(Resumed::WasFinished(run));
+            return Ok(Resumed {
+                run,
+                evaluation: None,
+            });
         }
         let record = run.job()?;
         let gpu = open_gpu()?;
@@ -144,7 +147,10 @@ impl TrainJob {
         let (scene, load_s) = timed(|| job.load_again())?;
         let stop = Stop::on_signals()?;
         let evaluation = train(&gpu, &scene, &job, load_s, options, &run, &stop)?;
-        Ok(Resumed::Trained(run, evaluation))
+        Ok(Resumed {
+            run,
+            evaluation: Some(evaluation),
+        })
     }
 }
 
@@ -153,11 +159,11 @@ pub(super) fn cloud_of(record: &SceneRecord) -> Result<Option<CloudSource>> {
     record.cloud.as_deref().map(str::parse).transpose()
 }
 
-/// What [`TrainJob::resume`] found to do.
-pub enum Resumed {
-    /// Nothing.
-    WasFinished(RunDir),
-    Trained(RunDir, Evaluation),
+/// What [`TrainJob::resume`] did.
+pub struct Resumed {
+    pub run: RunDir,
+    /// None where the run was finished already.
+    pub evaluation: Option<Evaluation>,
 }
 
 fn open_gpu() -> Result<Gpu> {

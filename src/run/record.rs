@@ -31,7 +31,7 @@ pub struct CurvePoint {
     /// Number of finished iterations.
     pub iteration: u32,
     pub n_gaussians: usize,
-    /// dB; null as in [`Mean`].
+    /// dB; null for an identical image.
     pub psnr: Option<f64>,
     pub ssim: Option<f64>,
 }

@@ -7,7 +7,7 @@ use gspotential::config::Config;
 use gspotential::error::ErrorKind;
 use gspotential::eval::EvalOptions;
 use gspotential::gpu::Gpu;
-use gspotential::pipeline::{self, Resumed, TrainJob};
+use gspotential::pipeline::{self, TrainJob};
 use gspotential::run::{RunDir, Stop};
 use gspotential::scene::SceneSource;
 
@@ -110,10 +110,10 @@ fn a_checkpoint_of_another_config_or_scene_is_refused_by_name_until_it_is_restor
     scene.write("sparse/0/points3D.ply", GOOD_PLY);
 
     let resumed = TrainJob::resume(&root, None, &options()).expect("as it was");
-    assert!(matches!(resumed, Resumed::Trained(..)));
+    assert!(resumed.evaluation.is_some());
     drop(resumed);
     let again = TrainJob::resume(&root, None, &options()).expect("finished");
-    assert!(matches!(again, Resumed::WasFinished(_)));
+    assert!(again.evaluation.is_none());
     let other = folder.path().join("other");
     job(&scene).run(&other, false, &options()).expect("trains");
     assert!(Outcome::of(&root) == Outcome::of(&other));
