@@ -2,7 +2,7 @@
 //!
 //! Data flows one way: [`scene`] -> [`field`] -> [`views`] -> [`splat`] -> [`render`] ->
 //! [`train`] -> [`eval`] -> [`report`]; [`gpu`], [`config`], [`camera`], [`gaussians`],
-//! [`progress`], [`run`] and [`error`] lie beneath. [`metrics`] measures images for [`eval`],
+//! [`progress`], [`run`], `ply` and [`error`] lie beneath. [`metrics`] measures images for [`eval`],
 //! [`pipeline`] calls the stages in a row, and [`cli`] is the commands on top.
 //!
 //! Frames and units: the scene's own frame is that of its camera poses (world-to-camera, +z
@@ -20,6 +20,7 @@ pub mod gaussians;
 pub mod gpu;
 pub mod metrics;
 pub mod pipeline;
+mod ply;
 pub mod progress;
 pub mod render;
 pub mod report;

@@ -6,13 +6,14 @@ use std::path::{Path, PathBuf};
 /// The modules from the ground up; the flow of data from `scene` to `report` in its order.
 const ORDER: &[&str] = &[
     "error",
+    "ply",
     "camera",
     "config",
     "progress",
     "run",
+    "cameras_json",
     "scene",
     "gaussians",
-    "cameras_json",
     "gpu",
     "metrics",
     "field",
