@@ -178,7 +178,10 @@ fn a_huge_vertex_count_costs_nothing() {
     let header = &text[..text.find("end_header\n").unwrap() + 11];
     for (count, expected) in [
         ("4000000000", "of the 4000000000"),
-        ("1000000000000", "line 3: element `vertex` has no valid count"),
+        (
+            "1000000000000",
+            "line 3: element `vertex` has no valid count",
+        ),
         ("18446744073709551615", "no valid count below 2^32"),
         ("99999999999999999999999999", "no valid count below 2^32"),
         ("-1", "no valid count"),
@@ -234,11 +237,7 @@ fn ply_errors_name_what_is_missing_or_wrong() {
         ("ply\n", "plyx\n", "bad PLY header"),
         ("ply\n", "hello\n", "not a PLY file"),
         ("end_header\n", "", "no `end_header`"),
-        (
-            "property float y\n",
-            "property half y\n",
-            "bad PLY header",
-        ),
+        ("property float y\n", "property half y\n", "bad PLY header"),
     ] {
         let text = replaced(from, to);
         assert!(text.contains(expected), "{from:?} -> {to:?}: {text}");

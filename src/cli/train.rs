@@ -101,6 +101,7 @@ impl TrainArgs {
         let scene = pipeline::load_scene(&source, &load_options(&config, self.train_views))?;
         let load_s = start.elapsed().as_secs_f64();
         check_scene(&scene, &config)?;
+        eprintln!("scene: {}", scene.source);
         for warning in &scene.warnings {
             eprintln!("warning: {warning}");
         }

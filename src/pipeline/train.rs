@@ -10,7 +10,7 @@ use crate::progress::Progress;
 use crate::render::{Kernels, most_gaussians};
 use crate::report::{ContactSheet, mask_image, write_png};
 use crate::run::{
-    Evaluation, LossSample, Memory, Metrics, ModelSize, PoseProtocol, RunDir, SceneRecord, Seconds,
+    Evaluation, LossSample, Memory, Metrics, ModelSize, RunDir, SceneRecord, Seconds,
     peak_host_bytes,
 };
 use crate::scene::{Image, Scene, SceneSource, View};
@@ -75,7 +75,7 @@ pub fn train(
             train_views: names(&scene.train),
             test_views: names(&scene.test),
             n_points: scene.cloud.len(),
-            pose_protocol: PoseProtocol::SharedFrame,
+            pose_protocol: scene.pose_protocol,
         },
         seconds,
         memory: Memory {

@@ -42,6 +42,9 @@ pub struct SceneRecord {
 pub enum PoseProtocol {
     /// The scene gives both in one frame.
     SharedFrame,
+    /// Some were interpolated between training cameras and never fitted to their photographs
+    /// (InstantSplat's starting values).
+    Interpolated,
 }
 
 /// Wall-clock seconds of each stage; null where a stage was not run.

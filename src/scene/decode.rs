@@ -6,6 +6,9 @@ use image::imageops::{FilterType, resize};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage};
 
 use super::images::PosedImage;
+use super::layout::PosedCamera;
+use super::lens::pinhole;
+use super::undistort::undistort;
 use super::{Image, LoadOptions, View};
 use crate::error::{Error, Result, read_file};
 
@@ -20,7 +23,8 @@ pub(super) struct Decoded {
     pub rescaled_from: Option<(u32, u32)>,
 }
 
-/// Decodes the photograph and scales it as `options` ask, its camera along with it.
+/// Decodes the photograph, undistorts it if its camera is not a pinhole one, and scales it as
+/// `options` ask, its camera along with it.
 ///
 /// An EXIF orientation is not applied: poses are those of the pixels as stored.
 ///
@@ -28,12 +32,12 @@ pub(super) struct Decoded {
 ///
 /// Files that are unreadable, no PNG or JPEG, damaged or too large; photographs whose size is
 /// not that of their camera in another resolution.
-pub(super) fn decode(posed: &PosedImage, options: &LoadOptions) -> Result<Decoded> {
-    let bytes = read_file(&posed.path)?;
-    decode_bytes(&bytes, posed, options).map_err(|e| e.at_path(&posed.path))
+pub(super) fn decode(image: &PosedImage, options: &LoadOptions) -> Result<Decoded> {
+    let bytes = read_file(&image.path)?;
+    decode_bytes(&bytes, &image.posed, options).map_err(|e| e.at_path(&image.path))
 }
 
-fn decode_bytes(bytes: &[u8], posed: &PosedImage, options: &LoadOptions) -> Result<Decoded> {
+fn decode_bytes(bytes: &[u8], posed: &PosedCamera, options: &LoadOptions) -> Result<Decoded> {
     let camera = &posed.camera;
     let undecodable = |e: image::ImageError| {
         Error::new(format!("cannot decode the image: {e}")).way_out(format!(
@@ -80,16 +84,21 @@ fn decode_bytes(bytes: &[u8], posed: &PosedImage, options: &LoadOptions) -> Resu
             "use the images that the model was made from, or the same at another resolution"
         }));
     }
-    let image = DynamicImage::from_decoder(decoder)
+    let mut image = DynamicImage::from_decoder(decoder)
         .map_err(undecodable)?
         .into_rgb8();
+    let mut camera = camera.clone();
+    if let Some(distortion) = &posed.distortion {
+        camera = camera.resized(width, height);
+        let undistorted = pinhole(&camera, distortion)?;
+        image = undistort(&image, &camera, distortion, &undistorted);
+        camera = undistorted;
+    }
 
-    let (new_width, new_height) = target_size(width, height, options);
-    let image = if (new_width, new_height) == (width, height) {
-        image
-    } else {
-        resize(&image, new_width, new_height, FilterType::Lanczos3)
-    };
+    let (new_width, new_height) = target_size(image.width(), image.height(), options);
+    if (new_width, new_height) != image.dimensions() {
+        image = resize(&image, new_width, new_height, FilterType::Lanczos3);
+    }
     Ok(Decoded {
         view: View {
             camera: camera.resized(new_width, new_height),

@@ -1,32 +1,23 @@
 //! A scene folder to a [`Scene`]: the format's reader finds what there is, the rest is shared.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rayon::prelude::*;
 
+use super::bytes::read_regular;
 use super::cloud::{clean, read_cloud};
 use super::decode::{Decoded, decode};
+use super::formats;
 use super::images::{PosedImage, match_images};
+use super::npy::read_vector;
 use super::split::choose;
-use super::{LoadOptions, Scene, View, colmap};
+use super::{LoadOptions, PointCloud, Scene, View};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
+use crate::run::PoseProtocol;
 
-/// What a format's reader finds in a scene folder.
-pub(super) struct Layout {
-    /// What was taken, relative to the scene folder.
-    pub source: String,
-    /// Every pose, at the model's resolution and under the model's name for the image.
-    pub cameras: Vec<Camera>,
-    /// Where the images are that the names are relative to.
-    pub image_dir: PathBuf,
-    pub cloud: PathBuf,
-    /// Poses whose quaternion had to be normalised by more than rounding.
-    pub n_unnormalized: usize,
-}
-
-/// Loads the scene in the folder `dir`: poses and intrinsics from a COLMAP model, the cloud
-/// beside it, the split, and the photographs of the training and test views, scaled as asked.
+/// Loads the scene in the folder `dir`: poses, intrinsics and cloud in the format that is found
+/// there, the split, and the photographs of the training and test views, scaled as asked.
 ///
 /// # Errors
 ///
@@ -41,20 +32,10 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
             .at_path(dir)
             .way_out("give a folder with `images/` and a COLMAP model"));
     }
-    let Some(layout) = colmap::read(dir)? else {
-        return Err(Error::new("no scene in this folder")
-            .at_path(dir)
-            .way_out(format!("put {} there", colmap::expected())));
-    };
-    let mut warnings = Vec::new();
-    if layout.n_unnormalized > 0 {
-        warnings.push(format!(
-            "{} poses have quaternions that are not of unit length: normalised",
-            layout.n_unnormalized
-        ));
-    }
+    let layout = formats::read(dir, options)?;
+    let mut warnings = layout.warnings;
     let matched = match_images(layout.cameras, &layout.image_dir, &mut warnings)?;
-    let split = choose(dir, &matched, options, &mut warnings)?;
+    let split = choose(dir, &matched, layout.split, options, &mut warnings)?;
 
     // The cloud is read while the images are decoded; both are done before either may fail,
     // so that the error does not depend on which was faster.
@@ -65,14 +46,19 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         .map(|&i| &matched.views[i])
         .collect();
     let (cloud, decoded) = rayon::join(
-        || read_cloud(&layout.cloud),
+        || read_points(&layout.cloud, layout.confidence.as_deref()),
         || -> Vec<Result<Decoded>> { chosen.par_iter().map(|v| decode(v, options)).collect() },
     );
     let mut cloud = cloud?;
     let mut train = views(decoded, &mut warnings)?;
     let test = train.split_off(split.train.len());
 
-    let cameras: Vec<Camera> = matched.views.into_iter().map(|v| v.camera).collect();
+    let n_distorted = chosen
+        .iter()
+        .filter(|v| v.posed.distortion.is_some())
+        .count();
+    let n_interpolated = chosen.iter().filter(|v| v.posed.interpolated).count();
+    let cameras: Vec<Camera> = matched.views.into_iter().map(|v| v.posed.camera).collect();
     let n_stored = cloud.len();
     clean(&mut cloud, &cameras, &mut warnings);
     if cloud.is_empty() {
@@ -82,22 +68,51 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         .at_path(&layout.cloud)
         .way_out("make the cloud again: training starts from it"));
     }
+    let mut pose_protocol = PoseProtocol::SharedFrame;
+    if n_interpolated > 0 {
+        pose_protocol = PoseProtocol::Interpolated;
+        warnings.push(format!(
+            "{n_interpolated} views have poses that were only interpolated between others: their \
+             photographs show something else, and figures at them say little"
+        ));
+    }
+    let relative = |path: &Path| path.strip_prefix(dir).unwrap_or(path).display().to_string();
+    let mut source = layout.source;
+    if n_distorted > 0 {
+        source += &format!(", {n_distorted} images undistorted");
+    }
+    source += &format!(", cloud {}", relative(&layout.cloud));
+    if let Some(path) = &layout.confidence {
+        source += &format!(", confidence {}", relative(path));
+    }
     Ok(Scene {
         name: folder_name(dir),
-        source: format!(
-            "{}, cloud {}",
-            layout.source,
-            layout
-                .cloud
-                .strip_prefix(dir)
-                .unwrap_or(&layout.cloud)
-                .display()
-        ),
+        source,
         train,
         test,
         cloud,
+        pose_protocol,
         warnings,
     })
+}
+
+/// The cloud, with the confidences of a file of their own where there is one.
+fn read_points(path: &Path, confidence: Option<&Path>) -> Result<PointCloud> {
+    let mut cloud = read_cloud(path)?;
+    if let Some(path) = confidence {
+        let values = read_vector(&read_regular(path)?).map_err(|e| e.at_path(path))?;
+        if values.len() != cloud.len() {
+            return Err(Error::new(format!(
+                "{} confidences for a cloud of {} points",
+                values.len(),
+                cloud.len()
+            ))
+            .at_path(path)
+            .way_out("make both again, or remove the confidences"));
+        }
+        cloud.confidence = Some(values);
+    }
+    Ok(cloud)
 }
 
 /// The views in order, or the first error in order.

@@ -3,19 +3,24 @@
 pub mod builtin;
 mod bytes;
 mod cloud;
-mod colmap;
 mod decode;
+mod formats;
 mod images;
+mod layout;
+mod lens;
 mod load;
+mod npy;
 mod ply;
 mod source;
 mod split;
+mod undistort;
 
 pub use source::{DEFAULT_BUILTIN_WIDTH, SceneSource};
 
 use glam::DVec3;
 
 use crate::camera::Camera;
+use crate::run::PoseProtocol;
 
 pub use cloud::{read_cloud, thin};
 pub use load::load;
@@ -31,6 +36,8 @@ pub struct Scene {
     pub train: Vec<View>,
     pub test: Vec<View>,
     pub cloud: PointCloud,
+    /// How the test cameras came into the frame of the training cameras.
+    pub pose_protocol: PoseProtocol,
     /// What was dropped or assumed while loading, one line each, for the log.
     pub warnings: Vec<String>,
 }
@@ -78,7 +85,8 @@ pub struct LoadOptions {
     pub max_width: u32,
     /// Bounds the longer side instead.
     pub max_size: Option<u32>,
-    /// Names of the training views; otherwise `split.json`, otherwise `n_train` uniformly.
+    /// Names of the training views; otherwise `split.json`, otherwise the format's own, otherwise
+    /// `n_train` uniformly.
     pub train_views: Option<Vec<String>>,
     /// Without a split file: this many training views, uniformly over the sorted names.
     pub n_train: usize,

@@ -24,6 +24,7 @@ pub use trace::{Hit, Traced, render, surface_distance, trace, unproject};
 
 use super::{Scene, View};
 use crate::camera::Camera;
+use crate::run::PoseProtocol;
 
 /// Image widths that the built-in scene is made at.
 pub const WIDTHS: RangeInclusive<u32> = 16..=4096;
@@ -102,6 +103,7 @@ pub fn scene(options: &BuiltinOptions) -> Scene {
         train,
         test,
         cloud,
+        pose_protocol: PoseProtocol::SharedFrame,
         warnings,
     }
 }
