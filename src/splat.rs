@@ -43,7 +43,8 @@ impl SplatImage {
 /// well as that allows. The nearest point wins a pixel; depths are compared rounded to f32, and
 /// of equal ones the lower index wins. Then the connectivity filter empties covered pixels with
 /// fewer than `config.filter_min_neighbors` other covered pixels in their window, all decided
-/// on the unfiltered mask. Points nearer than `near * frame.radius` are not drawn.
+/// on the unfiltered mask. Points nearer than `near * frame.radius` are not drawn, nor are those
+/// whose [`PointCloud::relative_confidence`] is below `config.min_confidence`.
 ///
 /// Memory: 4 bytes a pixel for every camera, and 9 a pixel for every thread at work. The result
 /// does not depend on the number of threads.
@@ -77,7 +78,7 @@ pub fn splat_views(
     if let Some(camera) = cameras.iter().find(|c| c.width == 0 || c.height == 0) {
         return Err(Error::new("the image has no pixels").at(&camera.name));
     }
-    let points = Points::new(cloud, frame);
+    let points = Points::new(cloud, frame, config.min_confidence);
     Ok(cameras
         .par_iter()
         .map_init(Scratch::default, |scratch, camera| {
@@ -111,12 +112,20 @@ struct Points {
 }
 
 impl Points {
-    fn new(cloud: &PointCloud, frame: &Frame) -> Points {
-        let canonical: Vec<DVec3> = cloud
+    /// Points of too little confidence become NaN, which is never drawn.
+    fn new(cloud: &PointCloud, frame: &Frame, min_confidence: f64) -> Points {
+        let mut canonical: Vec<DVec3> = cloud
             .positions
             .iter()
             .map(|p| frame.to_canonical(*p))
             .collect();
+        if let Some(confidence) = cloud.relative_confidence() {
+            for (p, confidence) in canonical.iter_mut().zip(confidence) {
+                if confidence < min_confidence {
+                    *p = DVec3::NAN;
+                }
+            }
+        }
         Points {
             x: canonical.iter().map(|p| p.x).collect(),
             y: canonical.iter().map(|p| p.y).collect(),

@@ -17,6 +17,9 @@ const STEPS: u32 = 16;
 const MAX_SCALE: f64 = 2.0;
 const MIN_SCALE: f64 = 0.2;
 
+/// The border is known from samples: a pixel's tenth beyond it is no fault.
+const BORDER_SLACK: f64 = 0.1;
+
 /// Lengths are rounded down to whole pixels once they miss the next one by more than this.
 const PIXEL_SLACK: f64 = 0.01;
 
@@ -128,39 +131,78 @@ pub(super) fn pinhole(camera: &Camera, distortion: &Distortion) -> Result<Camera
         Error::new(format!("the distortion {k1} {k2} {p1} {p2} {what}"))
             .way_out("calibrate again, or undistort with `colmap image_undistorter`")
     };
-    let (low, high) = inner_rectangle(camera, distortion)
-        .ok_or_else(|| impossible("folds the image onto itself"))?;
+    let (low, high) = inner_rectangle(camera, distortion);
     let (width, left) = side(camera.width, low.x, high.x)
         .ok_or_else(|| impossible("leaves less than a fifth of the width"))?;
     let (height, top) = side(camera.height, low.y, high.y)
         .ok_or_else(|| impossible("leaves less than a fifth of the height"))?;
-    Ok(Camera {
+    let undistorted = Camera {
         width,
         height,
         cx: -left,
         cy: -top,
         ..camera.clone()
+    };
+    if !is_covered(&undistorted, camera, distortion) {
+        return Err(impossible("folds the image onto itself"));
+    }
+    Ok(undistorted)
+}
+
+/// Points around the border of a camera's image, pixels.
+fn border(camera: &Camera) -> impl Iterator<Item = [DVec2; 4]> {
+    let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
+    (0..=BORDER_SAMPLES).map(move |i| {
+        let along = size * (f64::from(i) / f64::from(BORDER_SAMPLES));
+        [
+            DVec2::new(0.0, along.y),
+            DVec2::new(size.x, along.y),
+            DVec2::new(along.x, 0.0),
+            DVec2::new(along.x, size.y),
+        ]
     })
 }
 
-/// Corners of the undistorted image, in pixels from the principal point.
-fn inner_rectangle(camera: &Camera, distortion: &Distortion) -> Option<(DVec2, DVec2)> {
-    let focal = DVec2::new(camera.fx, camera.fy);
-    let principal = DVec2::new(camera.cx, camera.cy);
-    let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
+/// Corners of the undistorted image, in pixels from the principal point; without a bound where no
+/// point of a side can be undistorted.
+fn inner_rectangle(camera: &Camera, distortion: &Distortion) -> (DVec2, DVec2) {
+    let (focal, principal) = lens(camera);
     let (mut low, mut high) = (DVec2::MIN, DVec2::MAX);
-    for i in 0..=BORDER_SAMPLES {
-        let along = size * (f64::from(i) / f64::from(BORDER_SAMPLES));
-        let undistorted = |u: f64, v: f64| {
-            let distorted = (DVec2::new(u, v) - principal) / focal;
-            Some(distortion.undistort(distorted)? * focal)
-        };
-        low.x = low.x.max(undistorted(0.0, along.y)?.x);
-        high.x = high.x.min(undistorted(size.x, along.y)?.x);
-        low.y = low.y.max(undistorted(along.x, 0.0)?.y);
-        high.y = high.y.min(undistorted(along.x, size.y)?.y);
+    for sides in border(camera) {
+        let [left, right, top, bottom] =
+            sides.map(|p| Some(distortion.undistort((p - principal) / focal)? * focal));
+        low.x = left.map_or(low.x, |p| low.x.max(p.x));
+        high.x = right.map_or(high.x, |p| high.x.min(p.x));
+        low.y = top.map_or(low.y, |p| low.y.max(p.y));
+        high.y = bottom.map_or(high.y, |p| high.y.min(p.y));
     }
-    Some((low, high))
+    (low, high)
+}
+
+/// Whether the distortion is one-to-one on the pinhole image and takes it into the photograph.
+fn is_covered(pinhole: &Camera, camera: &Camera, distortion: &Distortion) -> bool {
+    let (focal, principal) = lens(camera);
+    let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
+    let center = DVec2::new(pinhole.cx, pinhole.cy);
+    border(pinhole).flatten().all(|p| {
+        let ray = (p - center) / focal;
+        let seen = distortion.distort(ray) * focal + principal;
+        let is_open = |step| {
+            let between = ray * (f64::from(step) / f64::from(STEPS));
+            distortion.jacobian(between).determinant() > 0.0
+        };
+        seen.cmpge(DVec2::splat(-BORDER_SLACK)).all()
+            && seen.cmple(size + BORDER_SLACK).all()
+            && (1..=STEPS).all(is_open)
+    })
+}
+
+/// Focal lengths and principal point, pixels.
+fn lens(camera: &Camera) -> (DVec2, DVec2) {
+    (
+        DVec2::new(camera.fx, camera.fy),
+        DVec2::new(camera.cx, camera.cy),
+    )
 }
 
 /// Whole pixels between `low` and `high`, of an image that had `pixels`, and where they begin.

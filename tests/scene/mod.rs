@@ -2,7 +2,10 @@
 
 pub mod build;
 mod cloud;
+mod fixtures;
+mod formats;
 mod images;
+mod lens;
 mod model;
 mod ply;
 mod real;
