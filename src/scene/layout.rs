@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use glam::{DMat3, DVec3};
 
-use super::lens::{Distortion, pinhole};
+use super::lens::Distortion;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 
@@ -63,8 +63,7 @@ impl Intrinsics {
     ///
     /// # Errors
     ///
-    /// A size, focal length or principal point that no camera has, or a distortion that cannot
-    /// be undone within the image.
+    /// Values that no camera has. Whether a distortion can be undone is seen when it is.
     pub fn new(size: [f64; 2], params: [f64; 4], distortion: [f64; 4]) -> Result<Intrinsics> {
         let [width, height] = size;
         let fits = |side: f64| (1.0..=MAX_SIDE).contains(&side) && side.fract() == 0.0;
@@ -84,7 +83,7 @@ impl Intrinsics {
                 "principal point {cx}, {cy} is not finite"
             )));
         }
-        let intrinsics = Intrinsics {
+        Ok(Intrinsics {
             width: width as u32,
             height: height as u32,
             fx,
@@ -92,12 +91,7 @@ impl Intrinsics {
             cx,
             cy,
             distortion: Distortion::new(distortion)?,
-        };
-        if let Some(distortion) = &intrinsics.distortion {
-            let posed = intrinsics.posed(String::new(), DMat3::IDENTITY, DVec3::ZERO);
-            pinhole(&posed.camera, distortion)?;
-        }
-        Ok(intrinsics)
+        })
     }
 
     /// The camera of the image `name`; `rotation` and `translation` are world-to-camera.

@@ -1,7 +1,7 @@
 //! The built-in scene, tiny, written in each format that is read: by the formats' definitions,
 //! not by the crate's own code.
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec2, DVec3};
 use gspotential::camera::Camera;
 use gspotential::scene::builtin::{BuiltinOptions, scene};
 use gspotential::scene::{PointCloud, Scene, View};
@@ -20,6 +20,22 @@ pub fn still_life() -> Scene {
         pixel_step: 2,
         ..BuiltinOptions::default()
     })
+}
+
+/// The camera's axes of `transforms.json`, of which ours are multiplied by these.
+pub const OPENGL: [f64; 3] = [1.0, -1.0, -1.0];
+
+pub fn names(views: &[View]) -> Vec<&str> {
+    views.iter().map(|v| v.camera.name.as_str()).collect()
+}
+
+/// Where a point falls, pixels.
+pub fn project(camera: &Camera, p: DVec3) -> DVec2 {
+    let p = camera.rotation * p + camera.translation;
+    DVec2::new(
+        camera.fx * p.x / p.z + camera.cx,
+        camera.fy * p.y / p.z + camera.cy,
+    )
 }
 
 pub fn views(scene: &Scene) -> impl Iterator<Item = &View> {
@@ -191,7 +207,7 @@ pub fn gaussianobject(scene: &Scene) -> Folder {
     folder
 }
 
-/// Camera-to-world with the camera's axes multiplied by `axes`: OpenGL has `[1, -1, -1]`.
+/// Camera-to-world with the camera's axes multiplied by `axes`.
 pub fn matrix(camera: &Camera, axes: [f64; 3]) -> Value {
     let c2w = camera.rotation.transpose() * DMat3::from_diagonal(DVec3::from(axes));
     let center = camera.center();
@@ -240,7 +256,7 @@ pub fn instant_ngp(scene: &Scene) -> Folder {
         json!({
             "file_path": format!("./images/{}", view.camera.name),
             "sharpness": 31.5,
-            "transform_matrix": matrix(&view.camera, [1.0, -1.0, -1.0]),
+            "transform_matrix": matrix(&view.camera, OPENGL),
         })
     };
     let camera = &scene.train[0].camera;
@@ -266,7 +282,7 @@ pub fn blender(scene: &Scene) -> Folder {
             json!({
                 "file_path": format!("./{name}/{stem}"),
                 "rotation": 0.0125,
-                "transform_matrix": matrix(&view.camera, [1.0, -1.0, -1.0]),
+                "transform_matrix": matrix(&view.camera, OPENGL),
             })
         };
         let camera = &scene.train[0].camera;

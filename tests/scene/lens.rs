@@ -179,7 +179,11 @@ fn every_radial_model_is_the_opencv_one_with_zeros() {
 fn overshoot(camera: &Camera, lens: [f64; 4], side: usize, margin: f64) -> f64 {
     let (w, h) = (f64::from(camera.width), f64::from(camera.height));
     let mut sides = [0.0, w, 0.0, h];
-    sides[side] += if side % 2 == 0 { -margin } else { margin };
+    sides[side] += if side.is_multiple_of(2) {
+        -margin
+    } else {
+        margin
+    };
     let [left, right, top, bottom] = sides;
     let mut greatest = f64::NEG_INFINITY;
     for i in 0..=500 {
@@ -233,6 +237,18 @@ fn undistorted_images_are_scaled_like_others() {
     assert!((camera.fx - scale * full.fx).abs() < 1e-9);
     assert!((camera.cx - scale * full.cx).abs() < 1e-9);
     assert!(errors(&scene.train[0]).0 < 3.0);
+
+    // A photograph at half the size of its camera has the lens of the whole.
+    let twice: Vec<String> = opencv(lens)
+        .iter()
+        .enumerate()
+        .map(|(i, v)| if i < 4 { 2.0 * v } else { *v }.to_string())
+        .collect();
+    let camera = format!("1 OPENCV 240 180 {}\n", twice.join(" "));
+    folder.write("sparse/0/cameras.txt", camera);
+    let scene = folder.scene();
+    assert_eq!(scene.train[0].camera, full);
+    assert!(errors(&scene.train[0]).0 < 0.35);
 }
 
 #[test]
@@ -247,7 +263,7 @@ fn lenses_that_cannot_be_undone_are_refused() {
         ([1e4, 0.0, 0.0, 0.0], "less than a fifth of the width"),
     ] {
         folder("OPENCV", &opencv(lens), &photograph).fails_with(&[
-            "cameras.txt: line 1: camera 1",
+            "images/a.png: the distortion",
             what,
             "image_undistorter",
         ]);
