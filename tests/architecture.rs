@@ -7,16 +7,17 @@ use std::path::{Path, PathBuf};
 /// The modules from the ground up; the flow of data from `scene` to `report` in its order.
 const ORDER: &[&str] = &[
     "error",
+    "digest",
     "ply",
     "camera",
     "config",
     "progress",
-    "run",
     "cameras_json",
     "scene",
     "gaussians",
     "gpu",
     "metrics",
+    "run",
     "field",
     "views",
     "splat",

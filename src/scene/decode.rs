@@ -7,9 +7,10 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbIma
 
 use super::images::PosedImage;
 use super::layout::PosedCamera;
-use super::lens::pinhole;
-use super::undistort::undistort;
+use super::masks::{Masks, alpha_mask, is_set, read_mask};
+use super::undistort::Undistortion;
 use super::{Image, LoadOptions, View};
+use crate::camera::Camera;
 use crate::error::{Error, Result, read_file};
 
 /// Longest side of a photograph, pixels.
@@ -23,27 +24,81 @@ pub(super) struct Decoded {
     pub rescaled_from: Option<(u32, u32)>,
 }
 
-/// Decodes the photograph, undistorts it if its camera is not a pinhole one, and scales it as
-/// `options` ask, its camera along with it.
+/// Decodes the photograph and its mask, which is that of `masks` or else the photograph's alpha
+/// channel; undistorts both if the camera is no pinhole one; and scales both as `options` ask,
+/// the camera along with them.
 ///
 /// An EXIF orientation is not applied: poses are those of the pixels as stored.
 ///
 /// # Errors
 ///
 /// Files that are unreadable, no PNG or JPEG, damaged or too large; photographs whose size is
-/// not that of their camera in another resolution.
-pub(super) fn decode(image: &PosedImage, options: &LoadOptions) -> Result<Decoded> {
-    let bytes = read_file(&image.path)?;
-    decode_bytes(&bytes, &image.posed, options).map_err(|e| e.at_path(&image.path))
+/// not that of their camera in another resolution, or whose distortion cannot be undone; masks
+/// that are none.
+pub(super) fn decode(
+    photograph: &PosedImage,
+    masks: &Masks,
+    options: &LoadOptions,
+) -> Result<Decoded> {
+    let PosedImage { posed, path } = photograph;
+    let here = |e: Error| e.at_path(path);
+    let image = decode_bytes(&read_file(path)?, &posed.camera).map_err(here)?;
+    let size = (image.width(), image.height());
+    let stated = (posed.camera.width, posed.camera.height);
+    let mut mask = match masks.file(&posed.camera.name) {
+        Some(path) => Some(read_mask(&path, size)?),
+        None => alpha_mask(&image),
+    };
+    let mut image = image.into_rgb8();
+    let mut camera = posed.camera.clone();
+    if let Some(undistortion) = undistortion(posed, size).map_err(here)? {
+        image = undistortion.apply(&image);
+        mask = mask.map(|mask| undistortion.apply(&mask));
+        camera = undistortion.pinhole;
+    }
+    let target = target_size(image.width(), image.height(), options);
+    if image.dimensions() != target {
+        image = resize(&image, target.0, target.1, FilterType::Lanczos3);
+    }
+    Ok(Decoded {
+        view: View {
+            camera: camera.resized(target.0, target.1),
+            image: from_rgb(image),
+            mask: mask.map(|mask| is_set(mask, target)),
+        },
+        rescaled_from: (stated != size).then_some(stated),
+    })
 }
 
-fn decode_bytes(bytes: &[u8], posed: &PosedCamera, options: &LoadOptions) -> Result<Decoded> {
-    let camera = &posed.camera;
-    let undecodable = |e: image::ImageError| {
-        Error::new(format!("cannot decode the image: {e}")).way_out(format!(
-            "give PNG or JPEG files of at most {MAX_SIDE} pixels a side"
+/// What a photograph of `size` pixels needs to become a pinhole camera's, if anything.
+fn undistortion(posed: &PosedCamera, size: (u32, u32)) -> Result<Option<Undistortion>> {
+    let camera = posed.camera.resized(size.0, size.1);
+    let distortion = posed.distortion;
+    distortion.map(|d| Undistortion::new(camera, d)).transpose()
+}
+
+/// The photograph, which has its camera's shape, at full size.
+fn decode_bytes(bytes: &[u8], camera: &Camera) -> Result<DynamicImage> {
+    let (decoder, (width, height)) = open_image(bytes)?;
+    let stated = (camera.width, camera.height);
+    if !same_aspect(stated, (width, height)) {
+        let turned = same_aspect((camera.height, camera.width), (width, height));
+        return Err(Error::new(format!(
+            "the image is {width}x{height} pixels but its camera is {}x{}",
+            camera.width, camera.height
         ))
-    };
+        .way_out(if turned {
+            "the image is stored sideways: turn its pixels (EXIF orientation is not applied)"
+        } else {
+            "use the images that the model was made from, or the same at another resolution"
+        }));
+    }
+    decoded(decoder)
+}
+
+/// A PNG or JPEG ready to be decoded, and its size: everything that the header tells is checked
+/// before any pixel is decoded.
+pub(super) fn open_image(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, (u32, u32))> {
     if bytes.is_empty() {
         return Err(Error::new("the image file is empty").way_out("copy the image again"));
     }
@@ -58,7 +113,6 @@ fn decode_bytes(bytes: &[u8], posed: &PosedCamera, options: &LoadOptions) -> Res
     limits.max_image_height = Some(MAX_SIDE);
     limits.max_alloc = Some(MAX_BYTES);
     reader.limits(limits);
-    // Everything that the header tells is checked before any pixel is decoded.
     let decoder = reader.into_decoder().map_err(undecodable)?;
     let (width, height) = decoder.dimensions();
     if decoder.total_bytes() > MAX_BYTES {
@@ -71,41 +125,18 @@ fn decode_bytes(bytes: &[u8], posed: &PosedCamera, options: &LoadOptions) -> Res
     if width == 0 || height == 0 {
         return Err(Error::new(format!("the image is {width}x{height} pixels")));
     }
-    let stated = (camera.width, camera.height);
-    if !same_aspect(stated, (width, height)) {
-        let turned = same_aspect((camera.height, camera.width), (width, height));
-        return Err(Error::new(format!(
-            "the image is {width}x{height} pixels but its camera is {}x{}",
-            camera.width, camera.height
-        ))
-        .way_out(if turned {
-            "the image is stored sideways: turn its pixels (EXIF orientation is not applied)"
-        } else {
-            "use the images that the model was made from, or the same at another resolution"
-        }));
-    }
-    let mut image = DynamicImage::from_decoder(decoder)
-        .map_err(undecodable)?
-        .into_rgb8();
-    let mut camera = camera.clone();
-    if let Some(distortion) = &posed.distortion {
-        camera = camera.resized(width, height);
-        let undistorted = pinhole(&camera, distortion)?;
-        image = undistort(&image, &camera, distortion, &undistorted);
-        camera = undistorted;
-    }
+    Ok((decoder, (width, height)))
+}
 
-    let (new_width, new_height) = target_size(image.width(), image.height(), options);
-    if (new_width, new_height) != image.dimensions() {
-        image = resize(&image, new_width, new_height, FilterType::Lanczos3);
-    }
-    Ok(Decoded {
-        view: View {
-            camera: camera.resized(new_width, new_height),
-            image: from_rgb(image),
-        },
-        rescaled_from: (stated != (width, height)).then_some(stated),
-    })
+/// All pixels of what [`open_image`] opened.
+pub(super) fn decoded(decoder: impl ImageDecoder) -> Result<DynamicImage> {
+    DynamicImage::from_decoder(decoder).map_err(undecodable)
+}
+
+fn undecodable(e: image::ImageError) -> Error {
+    Error::new(format!("cannot decode the image: {e}")).way_out(format!(
+        "give PNG or JPEG files of at most {MAX_SIDE} pixels a side"
+    ))
 }
 
 fn from_rgb(image: RgbImage) -> Image {
@@ -118,7 +149,7 @@ fn from_rgb(image: RgbImage) -> Image {
 
 /// Whether the larger of two sizes, scaled to the width of the smaller, has its height within
 /// a pixel: sizes are rounded when images are scaled.
-fn same_aspect(a: (u32, u32), b: (u32, u32)) -> bool {
+pub(super) fn same_aspect(a: (u32, u32), b: (u32, u32)) -> bool {
     let (small, large) = if a.0 <= b.0 { (a, b) } else { (b, a) };
     let scale = f64::from(small.0) / f64::from(large.0);
     (f64::from(large.1) * scale - f64::from(small.1)).abs() <= 1.0

@@ -9,12 +9,13 @@ use super::cloud::{clean, read_cloud};
 use super::decode::{Decoded, decode};
 use super::formats;
 use super::images::{PosedImage, match_images};
+use super::masks::Masks;
 use super::npy::read_vector;
+use super::protocol::PoseProtocol;
 use super::split::choose;
 use super::{LoadOptions, PointCloud, Scene, View};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::run::PoseProtocol;
 
 /// Loads the scene in the folder `dir`: poses, intrinsics and cloud in the format that is found
 /// there, the split, and the photographs of the training and test views, scaled as asked.
@@ -45,10 +46,15 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         .chain(&split.test)
         .map(|&i| &matched.views[i])
         .collect();
+    let masks = Masks::of(dir);
     let (cloud, decoded) = rayon::join(
         || read_points(&layout.cloud, layout.confidence.as_deref()),
-        || -> Vec<Result<Decoded>> { chosen.par_iter().map(|v| decode(v, options)).collect() },
+        || -> Vec<Result<Decoded>> {
+            let views = chosen.par_iter();
+            views.map(|v| decode(v, &masks, options)).collect()
+        },
     );
+    warnings.extend(masks.missing(chosen.iter().map(|v| v.posed.camera.name.as_str())));
     let mut cloud = cloud?;
     let mut train = views(decoded, &mut warnings)?;
     let test = train.split_off(split.train.len());

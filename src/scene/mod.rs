@@ -9,10 +9,13 @@ mod images;
 mod layout;
 mod lens;
 mod load;
+mod masks;
 mod npy;
 mod ply;
+mod protocol;
 mod source;
 mod split;
+mod stamp;
 mod undistort;
 
 pub use source::{DEFAULT_BUILTIN_WIDTH, SceneSource};
@@ -20,10 +23,10 @@ pub use source::{DEFAULT_BUILTIN_WIDTH, SceneSource};
 use glam::DVec3;
 
 use crate::camera::Camera;
-use crate::run::PoseProtocol;
 
 pub use cloud::{read_cloud, thin};
 pub use load::load;
+pub use protocol::PoseProtocol;
 
 /// A scene ready to train on. Images of the training and test views are decoded, at the size
 /// the limits ask for; cameras match them.
@@ -47,6 +50,8 @@ pub struct Scene {
 pub struct View {
     pub camera: Camera,
     pub image: Image,
+    /// Which pixels show the subject (`height * width`, row 0 on top), where the scene says.
+    pub mask: Option<Vec<bool>>,
 }
 
 /// An 8-bit RGB image, row 0 on top.

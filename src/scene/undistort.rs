@@ -1,47 +1,80 @@
 //! Images seen through a lens to images of a pinhole camera.
 
 use glam::DVec2;
-use image::{Rgb, RgbImage};
+use image::{ImageBuffer, Pixel};
 
-use super::lens::Distortion;
+use super::lens::{Distortion, pinhole};
 use crate::camera::Camera;
+use crate::error::Result;
 
-/// Resamples `image`, taken by `camera` through `distortion`, as `pinhole` sees it, with the
-/// cubic kernel of Catmull and Rom; beyond the photograph its border goes on.
-pub(super) fn undistort(
-    image: &RgbImage,
-    camera: &Camera,
-    distortion: &Distortion,
-    pinhole: &Camera,
-) -> RgbImage {
-    RgbImage::from_fn(pinhole.width, pinhole.height, |x, y| {
-        let ray = DVec2::new(
-            (f64::from(x) + 0.5 - pinhole.cx) / pinhole.fx,
-            (f64::from(y) + 0.5 - pinhole.cy) / pinhole.fy,
-        );
-        let seen = distortion.distort(ray);
-        sample(
-            image,
-            seen.x * camera.fx + camera.cx,
-            seen.y * camera.fy + camera.cy,
-        )
-    })
+/// What takes a photograph by `camera` through its lens to one by `pinhole`.
+pub(super) struct Undistortion {
+    camera: Camera,
+    distortion: Distortion,
+    pub pinhole: Camera,
 }
 
-/// The colour at a point, in pixels; pixel centres lie at +0.5.
-fn sample(image: &RgbImage, u: f64, v: f64) -> Rgb<u8> {
+impl Undistortion {
+    /// For photographs of the size that `camera` has.
+    ///
+    /// # Errors
+    ///
+    /// A distortion that cannot be undone.
+    pub fn new(camera: Camera, distortion: Distortion) -> Result<Undistortion> {
+        Ok(Undistortion {
+            pinhole: pinhole(&camera, &distortion)?,
+            camera,
+            distortion,
+        })
+    }
+
+    /// Resamples the photograph, or a mask of it at any resolution, with the cubic kernel of
+    /// Catmull and Rom; beyond the image its border goes on.
+    pub fn apply<P: Pixel<Subpixel = u8>>(
+        &self,
+        image: &ImageBuffer<P, Vec<u8>>,
+    ) -> ImageBuffer<P, Vec<u8>> {
+        let lens = self.camera.resized(image.width(), image.height());
+        let Camera {
+            width,
+            height,
+            fx,
+            fy,
+            cx,
+            cy,
+            ..
+        } = self.pinhole;
+        ImageBuffer::from_fn(width, height, |x, y| {
+            let ray = DVec2::new(
+                (f64::from(x) + 0.5 - cx) / fx,
+                (f64::from(y) + 0.5 - cy) / fy,
+            );
+            let seen = self.distortion.distort(ray);
+            sample(
+                image,
+                seen.x * lens.fx + lens.cx,
+                seen.y * lens.fy + lens.cy,
+            )
+        })
+    }
+}
+
+/// The pixel at a point of an image of at most four channels; pixel centres lie at +0.5.
+fn sample<P: Pixel<Subpixel = u8>>(image: &ImageBuffer<P, Vec<u8>>, u: f64, v: f64) -> P {
     let (columns, x_weights) = taps(u, image.width());
     let (rows, y_weights) = taps(v, image.height());
-    let mut sum = [0.0; 3];
+    let mut sum = [0.0; 4];
     for (row, y_weight) in rows.into_iter().zip(y_weights) {
         for (column, x_weight) in columns.into_iter().zip(x_weights) {
             let weight = x_weight * y_weight;
-            for (sum, value) in sum.iter_mut().zip(image.get_pixel(column, row).0) {
-                *sum += weight * f64::from(value);
+            let channels = image.get_pixel(column, row).channels();
+            for (sum, value) in sum.iter_mut().zip(channels) {
+                *sum += weight * f64::from(*value);
             }
         }
     }
-    Rgb(sum.map(|value| value.round().clamp(0.0, 255.0) as u8))
+    let rounded = sum.map(|value| value.round().clamp(0.0, 255.0) as u8);
+    *P::from_slice(&rounded[..usize::from(P::CHANNEL_COUNT)])
 }
 
 /// The four pixels around a coordinate, kept within the image, and their weights.

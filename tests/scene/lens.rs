@@ -278,3 +278,35 @@ fn lenses_that_cannot_be_undone_are_refused() {
     few.pop();
     folder("OPENCV", &few, &photograph).fails_with(&["OPENCV has 8 parameters, found 7"]);
 }
+
+#[test]
+fn masks_are_undistorted_with_their_photographs() {
+    // Set where the pattern's plane is right of x = 0.1: a straight line once it is undistorted.
+    let lens = [-0.1, 0.02, -0.02, 0.01];
+    for scale in [1u32, 2] {
+        let mask = image::GrayImage::from_fn(SIZE.0 * scale, SIZE.1 * scale, |x, y| {
+            let at = |p: u32, i: usize| {
+                ((f64::from(p) + 0.5) / f64::from(scale) - PRINCIPAL[i]) / FOCAL[i]
+            };
+            let seen = undistort(lens, DVec2::new(at(x, 0), at(y, 1))).expect("a ray");
+            image::Luma([if seen.x > 0.1 { 255 } else { 0 }])
+        });
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        mask.write_to(&mut bytes, image::ImageFormat::Png)
+            .expect("a PNG");
+        let folder = folder("OPENCV", &opencv(lens), &photograph(lens));
+        folder.write("masks/a.png.png", bytes.into_inner());
+        let view = &folder.scene().train[0];
+        let camera = &view.camera;
+        let mask = view.mask.as_ref().expect("a mask");
+        assert_eq!(mask.len(), view.image.rgb.len() / 3);
+        for (i, set) in mask.iter().enumerate() {
+            let (x, y) = (i as u32 % camera.width, i as u32 / camera.width);
+            let seen = ray(camera, f64::from(x) + 0.5, f64::from(y) + 0.5);
+            // Within a pixel of the line either is right.
+            if (seen.x - 0.1).abs() * camera.fx > 1.0 {
+                assert_eq!(*set, seen.x > 0.1, "{x} {y}");
+            }
+        }
+    }
+}

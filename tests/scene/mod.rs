@@ -7,6 +7,7 @@ mod formats;
 mod hostile;
 mod images;
 mod lens;
+mod masks;
 mod model;
 mod npy;
 mod ply;

@@ -22,9 +22,8 @@ pub use cloud::{Imperfections, is_depth_edge, point_cloud};
 pub use still_life::DOME_RADIUS;
 pub use trace::{Hit, Traced, render, surface_distance, trace, unproject};
 
-use super::{Scene, View};
+use super::{PoseProtocol, Scene, View};
 use crate::camera::Camera;
-use crate::run::PoseProtocol;
 
 /// Image widths that the built-in scene is made at.
 pub const WIDTHS: RangeInclusive<u32> = 16..=4096;
@@ -88,6 +87,7 @@ pub fn scene(options: &BuiltinOptions) -> Scene {
         .map(|(camera, traced)| View {
             camera,
             image: traced.image,
+            mask: None,
         })
         .collect();
     let test = test_cameras(width, options.n_test)
@@ -95,6 +95,7 @@ pub fn scene(options: &BuiltinOptions) -> Scene {
         .map(|camera| View {
             image: render(&camera),
             camera,
+            mask: None,
         })
         .collect();
     Scene {
