@@ -1,6 +1,6 @@
 //! A scene folder to a [`Scene`]: the format's reader finds what there is, the rest is shared.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
@@ -9,6 +9,7 @@ use super::cloud::{clean, read_cloud};
 use super::decode::{Decoded, decode};
 use super::formats;
 use super::images::{PosedImage, match_images};
+use super::layout::PosedCamera;
 use super::masks::Masks;
 use super::npy::read_vector;
 use super::protocol::PoseProtocol;
@@ -59,11 +60,11 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     let mut train = views(decoded, &mut warnings)?;
     let test = train.split_off(split.train.len());
 
-    let n_distorted = chosen
-        .iter()
-        .filter(|v| v.posed.distortion.is_some())
-        .count();
-    let n_interpolated = chosen.iter().filter(|v| v.posed.interpolated).count();
+    let count = |has: fn(&PosedCamera) -> bool| chosen.iter().filter(|v| has(&v.posed)).count();
+    let n_distorted = count(|posed| posed.distortion.is_some());
+    let pose_protocol = protocol(count(|posed| posed.interpolated), &mut warnings);
+    let read = [Some(&layout.cloud), layout.confidence.as_ref()];
+    let source = describe(dir, layout.source, n_distorted, read);
     let cameras: Vec<Camera> = matched.views.into_iter().map(|v| v.posed.camera).collect();
     let n_stored = cloud.len();
     clean(&mut cloud, &cameras, &mut warnings);
@@ -74,23 +75,6 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         .at_path(&layout.cloud)
         .way_out("make the cloud again: training starts from it"));
     }
-    let mut pose_protocol = PoseProtocol::SharedFrame;
-    if n_interpolated > 0 {
-        pose_protocol = PoseProtocol::Interpolated;
-        warnings.push(format!(
-            "{n_interpolated} views have poses that were only interpolated between others: their \
-             photographs show something else, and figures at them say little"
-        ));
-    }
-    let relative = |path: &Path| path.strip_prefix(dir).unwrap_or(path).display().to_string();
-    let mut source = layout.source;
-    if n_distorted > 0 {
-        source += &format!(", {n_distorted} images undistorted");
-    }
-    source += &format!(", cloud {}", relative(&layout.cloud));
-    if let Some(path) = &layout.confidence {
-        source += &format!(", confidence {}", relative(path));
-    }
     Ok(Scene {
         name: folder_name(dir),
         source,
@@ -100,6 +84,38 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         pose_protocol,
         warnings,
     })
+}
+
+/// What was taken, one line for the log: the model, the cloud and its confidences.
+fn describe(
+    dir: &Path,
+    model: String,
+    n_distorted: usize,
+    [cloud, confidence]: [Option<&PathBuf>; 2],
+) -> String {
+    let mut line = model;
+    if n_distorted > 0 {
+        line += &format!(", {n_distorted} images undistorted");
+    }
+    for (what, path) in [("cloud", cloud), ("confidence", confidence)] {
+        if let Some(path) = path {
+            let relative = path.strip_prefix(dir).unwrap_or(path);
+            line += &format!(", {what} {}", relative.display());
+        }
+    }
+    line
+}
+
+/// What the poses are worth, with a warning where some were only interpolated.
+fn protocol(n_interpolated: usize, warnings: &mut Vec<String>) -> PoseProtocol {
+    if n_interpolated == 0 {
+        return PoseProtocol::SharedFrame;
+    }
+    warnings.push(format!(
+        "{n_interpolated} views have poses that were only interpolated between others: their \
+         photographs show something else, and figures at them say little"
+    ));
+    PoseProtocol::Interpolated
 }
 
 /// The cloud, with the confidences of a file of their own where there is one.

@@ -228,6 +228,7 @@ fn every_format_trains_from_the_command_line() {
         let log = run(&mut train.split_whitespace().chain(places));
         assert!(log.contains(&format!("scene: {source}")), "{source}: {log}");
         // The run's record is enough to find the scene again.
+        std::fs::remove_file(runs.path().join("run/eval.json")).expect("an evaluation");
         run(&mut ["eval", out].into_iter());
         let metrics = std::fs::read(runs.path().join("run/metrics.json")).expect("metrics");
         let metrics: Value = serde_json::from_slice(&metrics).expect("JSON");
