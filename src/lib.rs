@@ -2,8 +2,11 @@
 //!
 //! Data flows one way: [`scene`] -> [`field`] -> [`views`] -> [`splat`] -> [`render`] ->
 //! [`train`] -> [`eval`] -> [`report`]; [`gpu`], [`config`], [`camera`], [`gaussians`],
-//! [`progress`], [`digest`], [`run`], `ply` and [`error`] lie beneath. [`metrics`] measures images for [`eval`],
-//! [`pipeline`] calls the stages in a row, and [`cli`] is the commands on top.
+//! [`progress`], [`digest`], [`run`], `ply` and [`error`] lie beneath. Where the config asks for it,
+//! [`carve`] clears the cloud by the photographs and [`visibility`] weighs where views may stand,
+//! both by splats. [`metrics`] measures images for [`eval`], [`pipeline`] calls the stages in a
+//! row, [`study`] trains what a table or figure of the paper needs, and [`cli`] is the commands on
+//! top.
 //!
 //! Frames and units: the scene's own frame is that of its camera poses (world-to-camera, +z
 //! forward, y down). Everything on the GPU lives in the canonical frame ([`camera::Frame`]):
@@ -11,6 +14,7 @@
 
 pub mod camera;
 pub mod cameras_json;
+pub mod carve;
 pub mod cli;
 pub mod config;
 pub mod digest;
@@ -28,5 +32,8 @@ pub mod report;
 pub mod run;
 pub mod scene;
 pub mod splat;
+pub mod stats;
+pub mod study;
 pub mod train;
 pub mod views;
+pub mod visibility;

@@ -7,7 +7,7 @@ pub mod plot;
 mod sheet;
 mod table;
 
-pub use comparison::{Block, ComparedRun, Comparison, Figure, Row, check_protocols};
+pub use comparison::{Block, ComparedRun, Comparison, Row, check_protocols};
 pub use evaluation::evaluation_table;
 pub use export::{runs_csv, runs_json};
 pub use sheet::{ContactSheet, mask_image};

@@ -18,14 +18,18 @@ const ORDER: &[&str] = &[
     "gpu",
     "metrics",
     "run",
+    "stats",
     "field",
     "views",
     "splat",
+    "carve",
+    "visibility",
     "render",
     "train",
     "eval",
     "report",
     "pipeline",
+    "study",
     "cli",
 ];
 

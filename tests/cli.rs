@@ -67,6 +67,9 @@ fn every_help_explains_its_options_and_gives_examples() {
                 "--max-points",
                 "--seed",
                 "--train-views",
+                "--test-views",
+                "--cloud",
+                "--eval-every",
                 "--overwrite",
                 "--lpips-weights",
                 "--lpips-range",
@@ -180,6 +183,13 @@ fn config_errors_exit_with_2_and_suggest() {
     );
     assert_fails(&["train", "--train-views", "a,b,a"], 2, &["`a` twice"]);
     assert_fails(&["train", "--train-views", "a,,b"], 2, &["empty name"]);
+    assert_fails(
+        &["train", "--test-views", "b,b"],
+        2,
+        &["--test-views", "`b`"],
+    );
+    assert_fails(&["train", "--cloud", "views:9"], 2, &["1 to 8"]);
+    assert_fails(&["train", "--eval-every", "0"], 2, &["--eval-every"]);
 
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("c.json"), r#"{"sede": 1}"#).unwrap();
@@ -195,6 +205,7 @@ fn missing_files_exit_with_1_and_are_named() {
         1,
         &["no/scene", "builtin"],
     );
+    assert_fails(&["train", "--cloud", "no.ply"], 1, &["no.ply"]);
     assert_fails(&["eval", "no/run"], 1, &["no/run", "config.json"]);
     let args = [
         "render", "--model", "a.ply", "--scene", "no/scene", "--out", "b",
@@ -257,16 +268,19 @@ fn metrics(pose_protocol: PoseProtocol) -> Metrics {
         iterations: 1,
         scene: SceneRecord {
             source: "builtin:16".into(),
+            cloud: None,
             name: "builtin".into(),
             train_views: Vec::new(),
             test_views: Vec::new(),
             n_points: 0,
+            carved_points: None,
             pose_protocol,
         },
         seconds: Seconds::default(),
         memory: Memory::default(),
         loss: Vec::new(),
         model_size: Vec::new(),
+        curve: Vec::new(),
     }
 }
 

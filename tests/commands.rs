@@ -113,6 +113,53 @@ fn a_run_holds_what_the_readme_says_and_can_be_evaluated_and_rendered() {
 }
 
 #[test]
+fn a_run_on_another_cloud_and_split_is_evaluated_on_them_from_anywhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let train = "train --scene builtin:24 --iterations 3 --preset 3dgs --set scene.n_test=3 \
+                 --max-points 60 --cloud views:2 --train-views train_03.png,test_01.png \
+                 --test-views test_02.png --eval-every 2 --out run";
+    run(folder.path(), &train.split_whitespace().collect::<Vec<_>>());
+    let at = |path: &str| json(&folder.path().join("run").join(path));
+    let scene = at("metrics.json")["scene"].clone();
+    assert_eq!(scene["cloud"], "views:2");
+    assert_eq!(
+        scene["train_views"],
+        serde_json::json!(["train_03.png", "test_01.png"])
+    );
+    assert_eq!(scene["test_views"], serde_json::json!(["test_02.png"]));
+    assert_eq!(
+        at("metrics.json")["curve"].as_array().map(Vec::len),
+        Some(3)
+    );
+    let trained = at("eval.json");
+    assert!(trained["point_splat"]["psnr"].is_number(), "{trained}");
+    fs::remove_file(folder.path().join("run/eval.json")).unwrap();
+    let elsewhere = tempfile::tempdir().unwrap();
+    let root = folder.path().join("run");
+    run(elsewhere.path(), &["eval", root.to_str().unwrap()]);
+    assert_eq!(at("eval.json"), trained);
+
+    // A scene that has changed since is named, and it is no wrong usage.
+    let metrics = fs::read_to_string(root.join("metrics.json")).unwrap();
+    fs::write(
+        root.join("metrics.json"),
+        metrics.replace("test_02.png", "test_09.png"),
+    )
+    .unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_gspotential"))
+        .args(["eval", "run", "--again"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let line = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{line}");
+    assert!(
+        line.contains("`test_09.png`") && line.contains("no longer"),
+        "{line}"
+    );
+}
+
+#[test]
 fn a_run_that_was_cut_short_is_no_run_to_evaluate() {
     let folder = tempfile::tempdir().unwrap();
     let args = "train --scene builtin:32 --iterations 1 --preset 3dgs --set scene.n_test=1 \

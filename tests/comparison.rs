@@ -24,6 +24,7 @@ struct Made {
     renders: Renders,
     train_s: f64,
     masked: bool,
+    cloud: Option<&'static str>,
 }
 
 const PAPER: Made = Made {
@@ -39,6 +40,7 @@ const PAPER: Made = Made {
     renders: Renders::Rounded,
     train_s: 100.0,
     masked: false,
+    cloud: None,
 };
 
 const BASELINE: Made = Made {
@@ -69,10 +71,12 @@ impl Made {
             iterations: config.iterations,
             scene: SceneRecord {
                 source: format!("/scenes/{}", self.scene),
+                cloud: self.cloud.map(str::to_owned),
                 name: self.scene.into(),
                 train_views: self.train_views.iter().map(|&v| v.into()).collect(),
                 test_views: vec!["t".into(), "u".into()],
                 n_points: 3,
+                carved_points: None,
                 pose_protocol: self.pose_protocol,
             },
             seconds: Seconds {
@@ -84,6 +88,7 @@ impl Made {
             memory: Memory::default(),
             loss: Vec::new(),
             model_size: Vec::new(),
+            curve: Vec::new(),
         }
     }
 
@@ -251,6 +256,19 @@ fn other_settings_are_other_rows_that_say_so() {
     let text = table(&[PAPER, with(&["iterations=500"])]);
     assert_eq!(rows(&text)[0][1], "paper, 10000 iterations");
     assert!(text.contains("All runs: at most"), "{text}");
+}
+
+#[test]
+fn another_cloud_is_another_row_that_names_it() {
+    let noisy = Made {
+        name: "noisy",
+        cloud: Some("/scenes/garden/sparse/0/points3D_noisy.ply"),
+        settings: &["seed=1"],
+        ..PAPER
+    };
+    let text = table(&[PAPER, noisy]);
+    assert_eq!(rows(&text).len(), 2, "{text}");
+    assert!(text.contains("paper (cloud=points3D_noisy.ply)"), "{text}");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod architecture;
 mod builtin;
 mod cameras_json;
+mod carve;
 mod cli;
 mod commands;
 mod comparison;
@@ -20,5 +21,7 @@ mod report;
 mod run;
 mod scene;
 mod splat;
+mod study;
 mod twins;
 mod views;
+mod visibility;

@@ -48,7 +48,12 @@ fn plain_camera() -> Camera {
 
 /// The nearest point of every pixel by looking at all points for each pixel: squares that
 /// contain the pixel, smallest f32 depth, lowest index.
-fn brute_force(cloud: &PointCloud, camera: &Camera, size_px: u32, near: f64) -> Vec<Option<usize>> {
+pub fn brute_force(
+    cloud: &PointCloud,
+    camera: &Camera,
+    size_px: u32,
+    near: f64,
+) -> Vec<Option<usize>> {
     let mut nearest = Vec::new();
     for row in 0..camera.height {
         for column in 0..camera.width {

@@ -3,6 +3,7 @@
 mod eval;
 mod measure;
 mod render;
+mod study;
 mod train;
 
 use std::io::Write;
@@ -34,6 +35,7 @@ enum Command {
     Train(train::TrainArgs),
     Eval(eval::EvalArgs),
     Render(render::RenderArgs),
+    Study(study::StudyArgs),
 }
 
 impl Cli {
@@ -43,6 +45,7 @@ impl Cli {
             Command::Train(args) => args.run(),
             Command::Eval(args) => args.run(),
             Command::Render(args) => args.run(),
+            Command::Study(args) => args.run(),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Evaluation of a run at its scene's test views.
 
+use super::prepare::carved;
 use super::{focus_of, load_scene};
 use crate::camera::Frame;
 use crate::config::Config;
@@ -12,7 +13,7 @@ use crate::metrics::quantize;
 use crate::render::Kernels;
 use crate::report::{ContactSheet, write_png};
 use crate::run::{Evaluation, Measured, Metrics, PoseProtocol, RunDir, file_names};
-use crate::scene::{LoadOptions, Scene, SceneSource, View};
+use crate::scene::{LoadOptions, PointCloud, Scene, SceneSource, View};
 
 /// The evaluation that `run` holds, where it is that of its model, config and scene as they are
 /// now, by this version, as `options` ask. Where they ask for no LPIPS it may have one. A scene
@@ -64,12 +65,14 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
         .check(&scene.test)
         .map_err(|e| e.at_path(run.root()))?;
     let (_, frame) = focus_of(&scene)?;
+    let carved = carved(&scene, &frame, &config)?;
+    let cloud = carved.as_ref().map_or(&scene.cloud, |c| &c.cloud);
     let gpu = Gpu::open()?;
     let kernels = Kernels::new(&gpu);
-    let what = (run, options, stamp);
+    let what = (run, options, stamp, protocol);
     measure(
         (&gpu, &kernels),
-        &scene,
+        (&scene.test, cloud),
         &frame,
         &config,
         what,
@@ -83,42 +86,49 @@ fn reload(source: SceneSource, config: &Config, metrics: &Metrics) -> Result<Sce
     let scene = load_scene(
         &source,
         &LoadOptions {
-            train_views: match source {
-                SceneSource::Folder(_) => Some(metrics.scene.train_views.clone()),
-                SceneSource::Builtin { .. } => None,
+            train_views: Some(metrics.scene.train_views.clone()),
+            test_views: Some(metrics.scene.test_views.clone()),
+            cloud: match &metrics.scene.cloud {
+                Some(cloud) => Some(cloud.parse()?),
+                None => None,
             },
-            max_width: config.scene.max_width_px,
-            max_size: config.scene.max_size_px,
-            n_train: config.scene.n_train,
-            n_test: config.scene.n_test,
+            ..LoadOptions::new(config)
         },
-    )?;
-    let names = |views: &[View]| -> Vec<String> {
-        views.iter().map(|view| view.camera.name.clone()).collect()
-    };
-    let record = &metrics.scene;
-    if names(&scene.test) != record.test_views || scene.pose_protocol != record.pose_protocol {
-        return Err(Error::new(format!(
-            "the test views of {} are no longer those of the run",
-            metrics.scene.source
+    );
+    // What is wrong is the scene, not the command.
+    let changed = |what: String| {
+        Error::new(format!(
+            "the scene is no longer as it was trained on: {what}"
         ))
-        .way_out("restore the scene's images and split, or train again"));
+        .way_out("restore its files, or train again")
+    };
+    let scene = scene.map_err(|e| changed(e.to_string()))?;
+    let (now, then) = (scene.pose_protocol, metrics.scene.pose_protocol);
+    if now != then {
+        return Err(changed(format!(
+            "its test cameras are {now}, and were {then}"
+        )));
     }
     Ok(scene)
 }
 
-/// Measures the model in `run` at the test views of `scene` and writes what it finds.
+/// Measures the model in `run` and the bare splat of `cloud` at the test `views` and writes what
+/// it finds.
 pub(super) fn measure(
     device: (&Gpu, &Kernels),
-    scene: &Scene,
+    (views, cloud): (&[View], &PointCloud),
     frame: &Frame,
     config: &Config,
-    (run, options, scene_stamp): (&RunDir, &EvalOptions, Option<String>),
+    (run, options, scene_stamp, pose_protocol): (
+        &RunDir,
+        &EvalOptions,
+        Option<String>,
+        PoseProtocol,
+    ),
     train_s: Option<f64>,
 ) -> Result<Evaluation> {
     // The file, not the model in memory: what is measured is what others will open.
     let gaussians = read_ply(&run.point_cloud())?.to_canonical(frame);
-    let views = &scene.test;
     let names: Vec<&str> = views.iter().map(|view| view.camera.name.as_str()).collect();
     let files = file_names(&names, "png");
     let mut sheet = match views.first() {
@@ -152,10 +162,10 @@ pub(super) fn measure(
     }
     let mut evaluation = Evaluation::new(scores, gaussians.len(), train_s);
     if !views.is_empty() {
-        let splat = eval::score_point_splat(&scene.cloud, frame, views, config)?;
+        let splat = eval::score_point_splat(cloud, frame, views, config)?;
         evaluation.point_splat = Some(splat);
     }
-    let mut measured = measured(run, options, scene_stamp, scene.pose_protocol)?;
+    let mut measured = measured(run, options, scene_stamp, pose_protocol)?;
     measured.image_px = views.first().map(|v| [v.image.width, v.image.height]);
     evaluation.measured = Some(measured);
     run.write_evaluation(&evaluation)?;

@@ -1,12 +1,14 @@
 //! The stages in a row, as the commands call them.
 
 mod evaluate;
+mod job;
 mod prepare;
 mod render;
 mod train;
 
 pub use evaluate::{evaluate, evaluation_at_hand};
-pub use prepare::{Prepared, prepare};
+pub use job::TrainJob;
+pub use prepare::{Prepared, n_start, prepare};
 pub use render::render;
 pub use train::train;
 
@@ -14,9 +16,8 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use crate::camera::{Camera, Frame};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::field::Focus;
-use crate::scene::builtin::BuiltinOptions;
 use crate::scene::{self, LoadOptions, Scene, SceneSource, View};
 
 /// What `render` renders.
@@ -61,24 +62,15 @@ pub enum RenderFormat {
 pub fn load_scene(source: &SceneSource, options: &LoadOptions) -> Result<Scene> {
     match source {
         SceneSource::Folder(folder) => scene::load(folder, options),
-        SceneSource::Builtin { width } => {
-            if options.train_views.is_some() {
-                return Err(
-                    Error::usage("the built-in scene's training views are fixed")
-                        .way_out("leave --train-views out, or name a scene folder"),
-                );
-            }
-            Ok(scene::builtin::scene(&BuiltinOptions {
-                width: *width,
-                n_test: options.n_test,
-                ..BuiltinOptions::default()
-            }))
-        }
+        SceneSource::Builtin { width } => scene::load_builtin(*width, options),
     }
 }
 
 /// Focus and frame of a scene's training cameras.
-fn focus_of(scene: &Scene) -> Result<(Focus, Frame)> {
+///
+/// # Errors
+/// A camera layout without a sphere.
+pub fn focus_of(scene: &Scene) -> Result<(Focus, Frame)> {
     let focus = Focus::find(&cameras(&scene.train), &scene.cloud)?;
     let frame = focus.frame();
     Ok((focus, frame))

@@ -19,9 +19,8 @@ pub(super) struct Layout {
     pub cameras: Vec<PosedCamera>,
     /// Where the images are that the names are relative to.
     pub image_dir: PathBuf,
-    pub cloud: PathBuf,
-    /// An `.npy` file with one confidence a point of `cloud`.
-    pub confidence: Option<PathBuf>,
+    /// The scene's own cloud, or the error that it has none.
+    pub cloud: Result<PathBuf>,
     /// The views that the format itself sets apart.
     pub split: Option<NamedSplit>,
     /// What was assumed or left out.

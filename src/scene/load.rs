@@ -1,20 +1,21 @@
 //! A scene folder to a [`Scene`]: the format's reader finds what there is, the rest is shared.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rayon::prelude::*;
 
+use super::builtin::{self, BuiltinOptions};
 use super::bytes::read_regular;
-use super::cloud::{clean, read_cloud};
+use super::cloud::{clean, random_like, read_cloud};
 use super::decode::{Decoded, decode};
-use super::formats;
+use super::formats::{self, confidence_of};
 use super::images::{PosedImage, match_images};
 use super::layout::PosedCamera;
 use super::masks::Masks;
 use super::npy::read_vector;
 use super::protocol::PoseProtocol;
-use super::split::choose;
-use super::{LoadOptions, PointCloud, Scene, View};
+use super::split::{choose, regroup};
+use super::{CloudSource, LoadOptions, PointCloud, Scene, View};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 
@@ -35,6 +36,11 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
             .way_out("give a folder with `images/` and a COLMAP model"));
     }
     let layout = formats::read(dir, options)?;
+    let cloud_path = match &options.cloud {
+        Some(CloudSource::File(path)) => path.clone(),
+        _ => layout.cloud?,
+    };
+    let confidence_path = confidence_of(&cloud_path);
     let mut warnings = layout.warnings;
     let matched = match_images(layout.cameras, &layout.image_dir, &mut warnings)?;
     let split = choose(dir, &matched, layout.split, options, &mut warnings)?;
@@ -49,7 +55,7 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         .collect();
     let masks = Masks::of(dir);
     let (cloud, decoded) = rayon::join(
-        || read_points(&layout.cloud, layout.confidence.as_deref()),
+        || read_points(&cloud_path, confidence_path.as_deref()),
         || -> Vec<Result<Decoded>> {
             let views = chosen.par_iter();
             views.map(|v| decode(v, &masks, options)).collect()
@@ -63,17 +69,25 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     let count = |has: fn(&PosedCamera) -> bool| chosen.iter().filter(|v| has(&v.posed)).count();
     let n_distorted = count(|posed| posed.distortion.is_some());
     let pose_protocol = protocol(count(|posed| posed.interpolated), &mut warnings);
-    let read = [Some(&layout.cloud), layout.confidence.as_ref()];
-    let source = describe(dir, layout.source, n_distorted, read);
     let cameras: Vec<Camera> = matched.views.into_iter().map(|v| v.posed.camera).collect();
     let n_stored = cloud.len();
     clean(&mut cloud, &cameras, &mut warnings);
     if cloud.is_empty() {
-        return Err(Error::new(format!(
-            "the point cloud has no usable point ({n_stored} in the file)"
-        ))
-        .at_path(&layout.cloud)
-        .way_out("make the cloud again: training starts from it"));
+        return Err(no_point(&cloud_path, n_stored));
+    }
+    let random = options.cloud == Some(CloudSource::Random);
+    if random {
+        cloud = random_like(&cloud, options.seed);
+    }
+    let relative = |path: &Path| path.strip_prefix(dir).unwrap_or(path).display().to_string();
+    let mut source = layout.source;
+    if n_distorted > 0 {
+        source += &format!(", {n_distorted} images undistorted");
+    }
+    let random = if random { "random as far as " } else { "" };
+    source += &format!(", cloud {random}{}", relative(&cloud_path));
+    if let Some(path) = &confidence_path {
+        source += &format!(", confidence {}", relative(path));
     }
     Ok(Scene {
         name: folder_name(dir),
@@ -84,26 +98,6 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         pose_protocol,
         warnings,
     })
-}
-
-/// What was taken, one line for the log: the model, the cloud and its confidences.
-fn describe(
-    dir: &Path,
-    model: String,
-    n_distorted: usize,
-    [cloud, confidence]: [Option<&PathBuf>; 2],
-) -> String {
-    let mut line = model;
-    if n_distorted > 0 {
-        line += &format!(", {n_distorted} images undistorted");
-    }
-    for (what, path) in [("cloud", cloud), ("confidence", confidence)] {
-        if let Some(path) = path {
-            let relative = path.strip_prefix(dir).unwrap_or(path);
-            line += &format!(", {what} {}", relative.display());
-        }
-    }
-    line
 }
 
 /// What the poses are worth, with a warning where some were only interpolated.
@@ -135,6 +129,48 @@ fn read_points(path: &Path, confidence: Option<&Path>) -> Result<PointCloud> {
         cloud.confidence = Some(values);
     }
     Ok(cloud)
+}
+
+/// Makes the built-in scene `width` pixels wide, with the views and the cloud that are asked for.
+///
+/// # Errors
+///
+/// Views that it does not have, or a cloud file that cannot be used.
+pub fn load_builtin(width: u32, options: &LoadOptions) -> Result<Scene> {
+    let mut scene = builtin::scene(&BuiltinOptions {
+        width,
+        n_test: options.n_test,
+        cloud_views: match options.cloud {
+            Some(CloudSource::Views(n)) => n,
+            _ => BuiltinOptions::default().cloud_views,
+        },
+        ..BuiltinOptions::default()
+    });
+    match &options.cloud {
+        Some(CloudSource::File(path)) => {
+            let mut cloud = read_cloud(path)?;
+            let views = scene.train.iter().chain(&scene.test);
+            let cameras: Vec<Camera> = views.map(|view| view.camera.clone()).collect();
+            let n_stored = cloud.len();
+            clean(&mut cloud, &cameras, &mut scene.warnings);
+            if cloud.is_empty() {
+                return Err(no_point(path, n_stored));
+            }
+            scene.cloud = cloud;
+        }
+        Some(CloudSource::Random) => scene.cloud = random_like(&scene.cloud, options.seed),
+        Some(CloudSource::Views(_)) | None => {}
+    }
+    regroup(&mut scene, options)?;
+    Ok(scene)
+}
+
+fn no_point(path: &Path, n_stored: usize) -> Error {
+    Error::new(format!(
+        "the point cloud has no usable point ({n_stored} in the file)"
+    ))
+    .at_path(path)
+    .way_out("make the cloud again: training starts from it")
 }
 
 /// The views in order, or the first error in order.

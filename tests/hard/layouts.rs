@@ -5,7 +5,7 @@ use glam::DVec3;
 use gspotential::camera::Camera;
 use gspotential::config::Config;
 use gspotential::eval::EvalOptions;
-use gspotential::pipeline::{self, Prepared, prepare};
+use gspotential::pipeline::{self, Prepared, TrainJob, prepare};
 use gspotential::run::{RunDir, Seconds};
 use gspotential::scene::builtin::{BuiltinOptions, render, scene};
 use gspotential::scene::{Scene, SceneSource, View};
@@ -208,16 +208,10 @@ fn a_test_view_that_is_a_training_view_is_evaluated_like_any_other() {
     let run = RunDir::create(&folder.path().join("run"), &config(60), false).expect("fresh");
     let source = SceneSource::Builtin { width: 48 };
     let _alone = context();
-    let evaluation = pipeline::train(
-        &gspotential::gpu::Gpu::open().expect("an adapter"),
-        &scene,
-        &source,
-        &config(60),
-        0.0,
-        &EvalOptions::default(),
-        &run,
-    )
-    .expect("trains");
+    let job = TrainJob::new(source, config(60)).expect("a job");
+    let gpu = gspotential::gpu::Gpu::open().expect("an adapter");
+    let evaluation =
+        pipeline::train(&gpu, &scene, &job, 0.0, &EvalOptions::default(), &run).expect("trains");
     let psnr: Vec<f64> = evaluation.views.iter().filter_map(|v| v.psnr).collect();
     assert_eq!(psnr.len(), 2);
     assert!(psnr[1] > psnr[0], "{psnr:?}");

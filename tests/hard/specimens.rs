@@ -1,7 +1,7 @@
 //! Single Gaussians of every unreasonable kind, among ordinary ones.
 
 use glam::{DVec3, Vec3};
-use gspotential::config::Config;
+use gspotential::config::{Config, Kernel};
 use gspotential::field::{Coverage, Field, fibonacci_sphere};
 use gspotential::gaussians::Gaussians;
 use gspotential::train::{Supervision, TrainingView};
@@ -183,6 +183,7 @@ pub fn noise_supervision(camera: &TwinCamera) -> Supervision {
         .collect();
     let field = Field {
         directions: vec![DVec3::NEG_Z],
+        kernel: Kernel::Sech,
         sigma: 5.3,
         lambda: 0.2,
     };

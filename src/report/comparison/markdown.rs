@@ -2,10 +2,11 @@
 
 use std::fmt;
 
-use super::{Block, ComparedRun, Comparison, Figure, Row};
+use super::{Block, ComparedRun, Comparison, Row};
 use crate::report::evaluation::{MASKED, how};
 use crate::report::table::{Table, escaped};
 use crate::run::{LpipsRecord, Mean};
+use crate::stats::Figure;
 
 /// A column of figures.
 struct Column {

@@ -22,11 +22,13 @@ pub(super) fn read(dir: &Path, probe: &Probe, _: &LoadOptions) -> Result<Layout>
         return Err(Error::new("the file lists no camera").at_path(&probe.path));
     }
     let cloud = probe.path.with_extension("ply");
-    if !cloud.is_file() {
-        return Err(Error::new("the point cloud is missing")
+    let cloud = if cloud.is_file() {
+        Ok(cloud)
+    } else {
+        Err(Error::new("the point cloud is missing")
             .at_path(&cloud)
-            .way_out("GaussianObject writes it beside the cameras: run pred_poses.py again"));
-    }
+            .way_out("GaussianObject writes it beside the cameras: run pred_poses.py again"))
+    };
     let names = |cameras: &[Camera]| cameras.iter().map(|c| c.name.clone()).collect();
     let mut split = NamedSplit {
         train: names(&train),
@@ -59,7 +61,6 @@ pub(super) fn read(dir: &Path, probe: &Probe, _: &LoadOptions) -> Result<Layout>
         cameras: cameras.into_iter().map(posed).collect(),
         image_dir: dir.join("images"),
         cloud,
-        confidence: None,
         split: Some(split),
         warnings: Vec::new(),
     })

@@ -2,9 +2,9 @@
 //! its confidences, and `sparse_N/1`, one of the test views.
 
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use super::colmap::{confidence_of, has_model, read_model};
+use super::colmap::{has_model, read_model};
 use super::{Probe, find_numbered};
 use crate::error::{Error, Result};
 use crate::scene::LoadOptions;
@@ -19,11 +19,12 @@ pub(super) fn read(dir: &Path, probe: &Probe, _: &LoadOptions) -> Result<Layout>
     let train_dir = probe.path.join("0");
     let train = read_model(&train_dir)?;
     let cloud = train_dir.join("points3D.ply");
-    if !cloud.is_file() {
-        return Err(Error::new("no point cloud beside the model")
+    let no_cloud = || {
+        Error::new("no point cloud beside the model")
             .at_path(&train_dir)
-            .way_out("InstantSplat writes points3D.ply there: run init_geo.py again"));
-    }
+            .way_out("InstantSplat writes points3D.ply there: run init_geo.py again")
+    };
+    let cloud = cloud.is_file().then_some(cloud).ok_or_else(no_cloud);
     let mut warnings = train.warnings();
     let mut cameras = train.views;
     let train_names = names(&cameras);
@@ -53,7 +54,6 @@ pub(super) fn read(dir: &Path, probe: &Probe, _: &LoadOptions) -> Result<Layout>
         source: format!("InstantSplat's {} ({})", probe.name, train.encoding),
         cameras,
         image_dir: dir.join("images"),
-        confidence: confidence_of(&cloud),
         cloud,
         split: Some(NamedSplit {
             train: train_names,
@@ -62,6 +62,12 @@ pub(super) fn read(dir: &Path, probe: &Probe, _: &LoadOptions) -> Result<Layout>
         }),
         warnings,
     })
+}
+
+/// The `.npy` file with one confidence for every point of the PLY beside it, where there is one.
+pub(in crate::scene) fn confidence_of(cloud: &Path) -> Option<PathBuf> {
+    let beside = cloud.with_file_name("confidence_dsp.npy");
+    (cloud.ends_with("points3D.ply") && beside.is_file()).then_some(beside)
 }
 
 fn names(views: &[PosedCamera]) -> Vec<String> {

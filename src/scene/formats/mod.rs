@@ -13,7 +13,9 @@ use super::LoadOptions;
 use super::layout::Layout;
 use crate::error::{Error, Result};
 
-pub(super) use colmap::{read_points_binary, read_points_text};
+pub use colmap::other_clouds;
+pub(super) use colmap::{FOLDERS, read_points_binary, read_points_text};
+pub(super) use instantsplat::confidence_of;
 
 /// A format's marker in a scene folder.
 struct Probe {

@@ -33,7 +33,7 @@ pub(super) fn read(dir: &Path, probe: &Probe, _: &LoadOptions) -> Result<Layout>
     views.add(dir, &file).map_err(in_file)?;
     views.check().map_err(in_file)?;
     let split = read_split(&file).map_err(in_file)?;
-    let cloud = find_cloud(dir, &file).map_err(in_file)?;
+    let cloud = find_cloud(dir, &file).map_err(in_file);
     Ok(views.layout(dir, probe, split, cloud))
 }
 
@@ -63,7 +63,7 @@ pub(super) fn read_blender(dir: &Path, probe: &Probe, options: &LoadOptions) -> 
         drawn.push(uniform(&names, n));
     }
     views.check().map_err(|e| e.at_path(&probe.path))?;
-    let cloud = find_cloud(dir, &Object::new()).map_err(|e| e.at_path(dir))?;
+    let cloud = find_cloud(dir, &Object::new()).map_err(|e| e.at_path(dir));
     let split = NamedSplit {
         test: drawn.pop(),
         train: drawn.pop().unwrap_or_default(),
@@ -148,7 +148,7 @@ impl Views {
         dir: &Path,
         probe: &Probe,
         mut split: Option<NamedSplit>,
-        cloud: PathBuf,
+        cloud: Result<PathBuf>,
     ) -> Layout {
         let mut image_dir = dir.to_owned();
         let first_folder = self.cameras.first().and_then(|view| {
@@ -190,7 +190,6 @@ impl Views {
             cameras: self.cameras,
             image_dir,
             cloud,
-            confidence: None,
             split,
             warnings,
         }

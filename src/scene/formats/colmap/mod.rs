@@ -21,7 +21,7 @@ use crate::scene::layout::{Intrinsics, Layout, PosedCamera};
 pub(in crate::scene) use points::{read_points_binary, read_points_text};
 
 /// Where a model is looked for, in this order: 3DGS, VGGT, and MASt3R with GLOMAP.
-const FOLDERS: [&str; 4] = ["sparse/0", "sparse", "0", "reconstruction/0"];
+pub(in crate::scene) const FOLDERS: [&str; 4] = ["sparse/0", "sparse", "0", "reconstruction/0"];
 
 /// Names of COLMAP's camera models by their id in binary files.
 const MODELS: [&str; 12] = [
@@ -40,25 +40,56 @@ const MODELS: [&str; 12] = [
 ];
 
 /// The folder of the scene `dir` that holds a model.
-pub(super) fn find(dir: &Path, _: &LoadOptions) -> Result<Option<Probe>> {
+fn find_model(dir: &Path) -> Option<Probe> {
     let mut folders = FOLDERS.iter();
     let found = folders.find(|folder| has_model(&dir.join(folder)));
-    Ok(found.map(|folder| Probe::new(dir, folder)))
+    found.map(|folder| Probe::new(dir, folder))
+}
+
+pub(super) fn find(dir: &Path, _: &LoadOptions) -> Result<Option<Probe>> {
+    Ok(find_model(dir))
 }
 
 /// Reads the model that [`find`] found.
 pub(super) fn read(dir: &Path, probe: &Probe, _: &LoadOptions) -> Result<Layout> {
     let model = read_model(&probe.path)?;
-    let cloud = find_cloud(dir, &probe.path)?;
     Ok(Layout {
         source: format!("{} ({})", probe.name, model.encoding),
         image_dir: dir.join("images"),
-        confidence: confidence_of(&cloud),
-        cloud,
+        cloud: find_cloud(dir, &probe.path),
         split: None,
         warnings: model.warnings(),
         cameras: model.views,
     })
+}
+
+/// Clouds that the COLMAP scene `dir` offers besides the one that is taken: `points*.ply` beside
+/// the model and in `dir`, by name.
+///
+/// # Errors
+/// A folder that cannot be listed.
+pub fn other_clouds(dir: &Path) -> Result<Vec<PathBuf>> {
+    let Some(Probe {
+        path: model_dir, ..
+    }) = find_model(dir)
+    else {
+        return Ok(Vec::new());
+    };
+    let own = find_cloud(dir, &model_dir).ok();
+    let mut clouds = Vec::new();
+    for folder in [model_dir.as_path(), dir] {
+        let failed = |e| Error::new(format!("cannot list: {e}")).at_path(folder);
+        for entry in std::fs::read_dir(folder).map_err(failed)? {
+            let path = entry.map_err(failed)?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let is_cloud = name.starts_with("points") && name.ends_with(".ply");
+            if is_cloud && path.is_file() && Some(&path) != own.as_ref() {
+                clouds.push(path);
+            }
+        }
+    }
+    clouds.sort();
+    Ok(clouds)
 }
 
 /// Says where [`find`] looks, for the error that no format was recognised.
@@ -115,12 +146,6 @@ fn find_cloud(dir: &Path, folder: &Path) -> Result<PathBuf> {
             .at_path(folder)
             .way_out("add points3D.ply, points.ply, points3D.bin or points3D.txt")
     })
-}
-
-/// InstantSplat's confidences of the points in the PLY beside them.
-pub(super) fn confidence_of(cloud: &Path) -> Option<PathBuf> {
-    let beside = cloud.with_file_name("confidence_dsp.npy");
-    (cloud.ends_with("points3D.ply") && beside.is_file()).then_some(beside)
 }
 
 type ReadInto = fn(&[u8], &mut Model) -> Result<()>;

@@ -1,12 +1,14 @@
 //! Sampling of virtual views and the cameras placed there.
 
+mod strategies;
+
 use glam::{DVec3, dvec3};
 use gspotential::camera::Camera;
 use gspotential::config::Config;
 use gspotential::field::{Field, Focus, fibonacci_sphere};
 use gspotential::scene::PointCloud;
 use gspotential::views::{
-    VirtualView, draw_without_replacement, place, potential_weights, virtual_views,
+    Viewpoint, VirtualView, draw_without_replacement, place, potential_weights, virtual_views,
 };
 
 use crate::geometry::{camera, paper, ring};
@@ -19,7 +21,7 @@ fn around(train: &[Camera], config: &Config) -> (Focus, Field) {
 
 fn views_of(train: &[Camera], config: &Config) -> Vec<VirtualView> {
     let (focus, field) = around(train, config);
-    virtual_views(train, &focus, &field, config).unwrap()
+    virtual_views(train, &focus, &field, None, config).unwrap()
 }
 
 /// Everything that a virtual camera must be, whatever the layout.
@@ -50,7 +52,7 @@ fn virtual_cameras_stand_on_the_sphere_and_look_at_the_focus() {
     let train = ring(4, target);
     let config = paper();
     let (focus, field) = around(&train, &config);
-    let views = virtual_views(&train, &focus, &field, &config).unwrap();
+    let views = virtual_views(&train, &focus, &field, None, &config).unwrap();
     assert_eq!(views.len(), 256);
     for (k, view) in views.iter().enumerate() {
         check_geometry(view, &focus);
@@ -152,13 +154,13 @@ fn more_views_than_candidates_is_a_usage_error_with_the_numbers() {
     let mut config = paper();
     config.field.n_candidates = 100;
     let (focus, field) = around(&train, &config);
-    let error = virtual_views(&train, &focus, &field, &config).unwrap_err();
+    let error = virtual_views(&train, &focus, &field, None, &config).unwrap_err();
     assert_eq!(error.exit_code(), 2);
     let text = error.to_string();
     assert!(text.contains("256") && text.contains("100"), "{text}");
     config.views.count = 0;
     assert!(
-        virtual_views(&train, &focus, &field, &config)
+        virtual_views(&train, &focus, &field, None, &config)
             .unwrap()
             .is_empty()
     );
@@ -224,7 +226,14 @@ fn up_is_the_mean_camera_up_and_at_the_poles_the_nearest_cameras() {
         (-tilted(0.0), true),
         (-tilted(10.1), false),
     ] {
-        let view = &place(&[direction], &train, &focus, &field, true).unwrap()[0];
+        let view = &place(
+            &[Viewpoint::on_sphere(direction)],
+            &train,
+            &focus,
+            &field,
+            &config,
+        )
+        .unwrap()[0];
         check_geometry(view, &focus);
         let wanted = if is_pole {
             train[field.nearest(direction)].up()
@@ -250,6 +259,7 @@ fn no_layout_of_ups_makes_a_view_degenerate() {
         -DVec3::Z,
     ];
     poles.extend(directions);
+    let poles: Vec<Viewpoint> = poles.into_iter().map(Viewpoint::on_sphere).collect();
     let roll = |c: &Camera| Camera {
         // Turned upside down about its own axis: the ups cancel out.
         rotation: glam::DMat3::from_diagonal(dvec3(-1.0, -1.0, 1.0)) * c.rotation,
@@ -279,7 +289,7 @@ fn no_layout_of_ups_makes_a_view_degenerate() {
             fallback: None,
         };
         let field = Field::new(train, &focus, &config.field);
-        for view in place(&poles, train, &focus, &field, true).unwrap() {
+        for view in place(&poles, train, &focus, &field, &config).unwrap() {
             check_geometry(&view, &focus);
         }
     }
