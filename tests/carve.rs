@@ -40,7 +40,6 @@ fn plain(camera: Camera, color: [u8; 3]) -> View {
         },
         mask: None,
         camera,
-        mask: None,
     }
 }
 
@@ -304,9 +303,9 @@ fn carving_agrees_with_the_rule_pixel_by_pixel() {
         assert_eq!(found.removed, removed);
         assert!(found.cloud == expected);
         assert!(removed.len() > 2 && removed[0] > 40, "{removed:?}");
-        // One value of a photograph makes a difference somewhere.
+        // One photograph a little brighter makes a difference.
         let mut other = views.clone();
-        other[1].image.rgb.iter_mut().for_each(|v| *v += 5);
+        other[1].image.rgb.iter_mut().for_each(|v| *v += 40);
         assert!(carved(&points, &other, &config).cloud != expected);
     }
 }

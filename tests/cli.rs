@@ -300,7 +300,7 @@ fn images_too_small_for_lpips_are_refused_before_training() {
         folder.path(),
         &args,
         1,
-        &["test view", "40x26", "31 pixels a side"],
+        &["test view", "40x27", "31 pixels a side"],
     );
     // Else the same command with larger images would be refused.
     assert!(!folder.path().join("runs").exists());

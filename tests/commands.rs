@@ -113,6 +113,43 @@ fn a_run_holds_what_the_readme_says_and_can_be_evaluated_and_rendered() {
 }
 
 #[test]
+fn a_run_with_every_switch_of_its_views_and_cloud_is_evaluated_again_alike() {
+    let folder = tempfile::tempdir().unwrap();
+    let train = "train --scene builtin:48 --iterations 2 --set views.count=6 \
+                 --set scene.n_test=2 --set views.strategy=nearest_angle \
+                 --set views.visibility.enabled=true --set field.kernel=von_mises_fisher \
+                 --set carve.enabled=true --out run";
+    let output = run(folder.path(), &train.split_whitespace().collect::<Vec<_>>());
+    let log = String::from_utf8(output.stderr).unwrap();
+    assert!(log.contains("carved "), "{log}");
+    let metrics = json(&folder.path().join("run/metrics.json"));
+    assert!(metrics["seconds"]["carve"].is_number(), "{metrics}");
+    let removed = metrics["scene"]["carved_points"]
+        .as_array()
+        .expect("a count for each round")
+        .iter()
+        .map(|n| n.as_u64().expect("a count"))
+        .sum::<u64>();
+    let n_points = metrics["scene"]["n_points"].as_u64().unwrap();
+    assert!(
+        removed > 0 && removed < n_points / 2,
+        "{removed} of {n_points}"
+    );
+    assert!(
+        log.contains(&format!("from {} points", n_points - removed)),
+        "{log}"
+    );
+
+    // The bare splat beside it is that of the carved cloud, then and now.
+    let eval = folder.path().join("run/eval.json");
+    let trained = json(&eval);
+    fs::remove_file(&eval).unwrap();
+    run(folder.path(), &["eval", "run"]);
+    assert_eq!(json(&eval)["point_splat"], trained["point_splat"]);
+    assert_eq!(json(&eval)["mean"], trained["mean"]);
+}
+
+#[test]
 fn a_run_on_another_cloud_and_split_is_evaluated_on_them_from_anywhere() {
     let folder = tempfile::tempdir().unwrap();
     let train = "train --scene builtin:24 --iterations 3 --preset 3dgs --set scene.n_test=3 \
@@ -233,7 +270,7 @@ fn lpips_is_measured_where_there_are_weights_and_is_never_zero_without() {
         "{table}"
     );
     assert!(
-        table.contains("| n/a |") && table.contains("lpips.LPIPS(net='vgg')"),
+        table.contains(" n/a |") && table.contains("lpips.LPIPS(net='vgg')"),
         "{table}"
     );
     let floats = json(&folder.join("run/eval.json"));

@@ -348,7 +348,7 @@ fn masked_figures_have_columns_of_their_own() {
         BASELINE,
     ]);
     let cells = rows(&text);
-    assert_eq!(cells[0][5..8], ["**25.00**", "**0.900**", "n/a"]);
+    assert_eq!(cells[0][5..8], ["25.00", "0.900", "n/a"]);
     assert_eq!(cells[1][5..8], ["n/a", "n/a", "n/a"]);
     assert!(text.contains("Masked: PSNR of the mask's pixels"), "{text}");
 }

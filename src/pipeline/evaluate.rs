@@ -12,8 +12,8 @@ use crate::gpu::Gpu;
 use crate::metrics::quantize;
 use crate::render::Kernels;
 use crate::report::{ContactSheet, write_png};
-use crate::run::{Evaluation, Measured, Metrics, PoseProtocol, RunDir, file_names};
-use crate::scene::{LoadOptions, PointCloud, Scene, SceneSource, View};
+use crate::run::{Evaluation, Measured, Metrics, PoseProtocol, RunDir, SceneRecord, file_names};
+use crate::scene::{CloudSource, LoadOptions, PointCloud, Scene, SceneSource, View};
 
 /// The evaluation that `run` holds, where it is that of its model, config and scene as they are
 /// now, by this version, as `options` ask. Where they ask for no LPIPS it may have one. A scene
@@ -30,7 +30,7 @@ pub fn evaluation_at_hand(run: &RunDir, options: &EvalOptions) -> Result<Option<
         return Ok(None);
     };
     let record = run.metrics()?.scene;
-    let stamp = record.source.parse::<SceneSource>()?.stamp();
+    let stamp = stamp_of(&record)?;
     let mut now = measured(run, options, stamp, record.pose_protocol)?;
     now.image_px = held.image_px;
     if now.scene_stamp.is_none() {
@@ -39,7 +39,9 @@ pub fn evaluation_at_hand(run: &RunDir, options: &EvalOptions) -> Result<Option<
     if now.lpips.is_none() {
         now.lpips = held.lpips.clone();
     }
-    Ok((now == *held).then_some(evaluation))
+    let names = evaluation.views.iter().map(|view| &view.name);
+    let is_current = now == *held && names.eq(&record.test_views);
+    Ok(is_current.then_some(evaluation))
 }
 
 /// Renders the test views of a run from its model and measures them; writes `eval.json` and
@@ -58,9 +60,8 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
         .at_path(run.root())
         .way_out("evaluate it with the version that made it"));
     }
-    let source = metrics.scene.source.parse::<SceneSource>()?;
-    let stamp = source.stamp();
-    let scene = reload(source, &config, &metrics).map_err(|e| e.at_path(run.root()))?;
+    let stamp = stamp_of(&metrics.scene)?;
+    let scene = reload(&config, &metrics).map_err(|e| e.at_path(run.root()))?;
     options
         .check(&scene.test)
         .map_err(|e| e.at_path(run.root()))?;
@@ -81,17 +82,14 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
 }
 
 /// The scene as the run was trained on it.
-fn reload(source: SceneSource, config: &Config, metrics: &Metrics) -> Result<Scene> {
-    let source = source.resolved()?;
+fn reload(config: &Config, metrics: &Metrics) -> Result<Scene> {
+    let source = metrics.scene.source.parse::<SceneSource>()?.resolved()?;
     let scene = load_scene(
         &source,
         &LoadOptions {
             train_views: Some(metrics.scene.train_views.clone()),
             test_views: Some(metrics.scene.test_views.clone()),
-            cloud: match &metrics.scene.cloud {
-                Some(cloud) => Some(cloud.parse()?),
-                None => None,
-            },
+            cloud: cloud_of(&metrics.scene)?,
             ..LoadOptions::new(config)
         },
     );
@@ -110,6 +108,16 @@ fn reload(source: SceneSource, config: &Config, metrics: &Metrics) -> Result<Sce
         )));
     }
     Ok(scene)
+}
+
+/// The cloud that is not the scene's own.
+fn cloud_of(record: &SceneRecord) -> Result<Option<CloudSource>> {
+    record.cloud.as_deref().map(str::parse).transpose()
+}
+
+fn stamp_of(record: &SceneRecord) -> Result<Option<String>> {
+    let source = record.source.parse::<SceneSource>()?;
+    Ok(source.stamp(cloud_of(record)?.as_ref()))
 }
 
 /// Measures the model in `run` and the bare splat of `cloud` at the test `views` and writes what

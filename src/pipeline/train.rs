@@ -34,7 +34,7 @@ pub fn train(
     let config = &job.config;
     options.check(&scene.test)?;
     // Of the files as they are now: a mask that is drawn while training runs was not loaded.
-    let stamp = job.source.stamp();
+    let stamp = job.source.stamp(job.cloud.as_ref());
     let mut seconds = Seconds {
         load: Some(load_s),
         ..Seconds::default()

@@ -69,7 +69,7 @@ pub struct Seconds {
 impl Seconds {
     /// From loading the scene to the trained model; none where it was not trained.
     pub fn to_model(&self) -> Option<f64> {
-        let before = [self.load, self.field, self.sample, self.splat];
+        let before = [self.load, self.field, self.carve, self.sample, self.splat];
         Some(before.iter().flatten().sum::<f64>() + self.train?)
     }
 }

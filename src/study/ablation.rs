@@ -103,7 +103,21 @@ impl Study for Ablation {
                 name: "ablation".to_owned(),
                 svg: plot.to_svg()?,
             }],
-            notes: Vec::new(),
+            notes: late_rules(results).into_iter().collect(),
         })
     }
+}
+
+/// A warning where training ends before a rule that rows add has begun.
+fn late_rules(results: &Results) -> Option<String> {
+    let config = &results.runs.first()?.job.config;
+    let (densify, prune) = (config.densify.start, config.coverage.start);
+    (config.iterations <= densify.max(prune)).then(|| {
+        format!(
+            "Densification begins after {densify} iterations and coverage-aware pruning after \
+             {prune}: rows that add what has not begun by iteration {} are equal to those that \
+             they add it to.",
+            config.iterations
+        )
+    })
 }

@@ -66,9 +66,10 @@ impl Column {
         };
         let digits = self.digits;
         let rounded = |value: f64| format!("{value:.digits$}");
+        let compares = figures.iter().flatten().count() > 1;
         let is_best = |figure: &Option<Figure>| {
             let mean = figure.map(|figure| rounded(figure.mean));
-            figures.len() > 1 && mean.is_some() && mean == best.map(rounded)
+            compares && mean.is_some() && mean == best.map(rounded)
         };
         let cell = |figure: &Option<Figure>| {
             let text = self.printed(*figure);
