@@ -6,7 +6,8 @@
 //! [`carve`] clears the cloud by the photographs and [`visibility`] weighs where views may stand,
 //! both by splats. [`metrics`] measures images for [`eval`], [`pipeline`] calls the stages in a
 //! row, [`study`] trains what a table or figure of the paper needs, and [`cli`] is the commands on
-//! top.
+//! top. [`reference`] stands apart: the same computed in f64 by other means, which [`doctor`] holds the
+//! GPU to.
 //!
 //! Frames and units: the scene's own frame is that of its camera poses (world-to-camera, +z
 //! forward, y down). Everything on the GPU lives in the canonical frame ([`camera::Frame`]):
@@ -18,6 +19,7 @@ pub mod carve;
 pub mod cli;
 pub mod config;
 pub mod digest;
+pub mod doctor;
 pub mod error;
 pub mod eval;
 pub mod field;
@@ -27,6 +29,7 @@ pub mod metrics;
 pub mod pipeline;
 mod ply;
 pub mod progress;
+pub mod reference;
 pub mod render;
 pub mod report;
 pub mod run;

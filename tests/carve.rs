@@ -302,7 +302,7 @@ fn carving_agrees_with_the_rule_pixel_by_pixel() {
         let (expected, removed) = twin(points.clone(), &views, &config);
         assert_eq!(found.removed, removed);
         assert!(found.cloud == expected);
-        assert!(removed.len() > 2 && removed[0] > 40, "{removed:?}");
+        assert!(removed.len() > 1 && removed[0] > 40, "{removed:?}");
         // One photograph a little brighter makes a difference.
         let mut other = views.clone();
         other[1].image.rgb.iter_mut().for_each(|v| *v += 40);

@@ -360,20 +360,25 @@ fn a_scene_that_cannot_be_loaded_leaves_no_run() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_missing_adapter_names_the_package_and_leaves_nothing() {
-    let folder = tempfile::tempdir().unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_gspotential"))
-        .args(["train", "--scene", "builtin:16"])
-        .env("VK_ICD_FILENAMES", "/nonexistent.json")
-        .env("VK_DRIVER_FILES", "/nonexistent.json")
-        .current_dir(folder.path())
-        .output()
-        .unwrap();
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(1), "{stderr}");
-    assert_eq!(stderr.lines().count(), 1, "{stderr}");
-    assert!(stderr.contains("mesa-vulkan-drivers"), "{stderr}");
-    // Else the same command would be refused once the driver is there.
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    for args in [
+        &["train", "--scene", "builtin:16"][..],
+        &["doctor", "--json", "doctor.json"],
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let output = Command::new(env!("CARGO_BIN_EXE_gspotential"))
+            .args(args)
+            .env("VK_ICD_FILENAMES", "/nonexistent.json")
+            .env("VK_DRIVER_FILES", "/nonexistent.json")
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{stderr}");
+        assert_eq!(stderr.lines().count(), 1, "{stderr}");
+        assert!(stderr.contains("mesa-vulkan-drivers"), "{stderr}");
+        // Else the same command would be refused once the driver is there.
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
 }
 
 #[test]

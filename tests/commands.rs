@@ -4,6 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use gspotential::doctor::stage;
+
 use crate::metrics::lpips_reference::{ALEX, generated};
 
 fn run(folder: &Path, args: &[&str]) -> Output {
@@ -108,6 +110,19 @@ fn a_run_holds_what_the_readme_says_and_can_be_evaluated_and_rendered() {
     assert_eq!(render("c", &from_scene), train_views);
     let named = ["--cameras", &cameras, "--views", "test_00.png,train_02.png"];
     assert_eq!(render("d", &named), ["test_00.png", "train_02.png"]);
+    // A Gaussian that is not a number is left out and counted.
+    let mut bytes = fs::read(at(&model)).unwrap();
+    let start = bytes
+        .windows(11)
+        .position(|w| w == b"end_header\n")
+        .unwrap()
+        + 11;
+    bytes[start..start + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    fs::write(at("nan.ply"), bytes).unwrap();
+    let args = "render --model nan.ply --scene builtin:32 --views test_00.png --out e";
+    let output = run(folder.path(), &args.split(' ').collect::<Vec<_>>());
+    let log = String::from_utf8(output.stderr).unwrap();
+    assert!(log.contains("1 of 200 Gaussians are not finite"), "{log}");
     // The frame that a camera file's own cameras span sets the near plane alone.
     assert_eq!(fs::read(at("d").join("test_00.png")).unwrap(), image);
 }
@@ -214,6 +229,34 @@ fn a_run_that_was_cut_short_is_no_run_to_evaluate() {
         line.starts_with("error: ") && line.contains("metrics.json"),
         "{line}"
     );
+}
+
+#[test]
+fn the_doctor_finds_every_stage_in_bounds_and_says_so_in_both_forms() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = run(folder.path(), &["doctor", "--json", "doctor.json"]);
+    let table = String::from_utf8(output.stdout).unwrap();
+    let report = json(&folder.path().join("doctor.json"));
+    assert_eq!(report["holds"], true, "{table}");
+    let stages = report["stages"].as_array().expect("stages");
+    assert_eq!(stages.len(), stage::ALL.len());
+    for (stage, name) in stages.iter().zip(stage::ALL) {
+        assert_eq!(stage["stage"], name);
+        assert!(stage["seconds"].as_f64() > Some(0.0), "{stage}");
+        assert!(stage["count"].as_u64() > Some(0), "{stage}");
+        assert!(stage["worst"]["error"].as_f64() <= stage["worst"]["bound"].as_f64());
+        let row = table
+            .lines()
+            .find(|line| line.starts_with(&format!("| {name} ")));
+        assert!(
+            row.is_some_and(|row| row.ends_with(" ok |")),
+            "{name}: {table}"
+        );
+    }
+    assert!(report["findings"].as_array().expect("findings").len() > 400);
+    let hashes = &report["repeat"]["hashes"];
+    assert_eq!(hashes[0], hashes[1]);
+    assert!(table.contains("equal to the bit") && table.contains("storage buffers"));
 }
 
 /// Trains a tiny scene into `out`.

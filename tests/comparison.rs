@@ -154,11 +154,13 @@ fn methods_of_a_scene_stand_together_with_the_best_in_bold() {
                 "**20.00**",
                 "**0.500**",
                 "n/a",
-                "101",
+                "101.0",
                 "1000",
                 "2.5"
             ],
-            ["", "3dgs", "18.00", "0.450", "n/a", "**51**", "1000", "2.5"],
+            [
+                "", "3dgs", "18.00", "0.450", "n/a", "**51.0**", "1000", "2.5"
+            ],
         ]
     );
     for part in [
@@ -315,6 +317,10 @@ fn means_over_scenes_are_of_methods_that_have_all() {
     assert_eq!(cells.len(), 7, "{text}");
     assert_eq!(cells[5][..3], ["mean of 2 scenes", "paper", "**25.00**"]);
     assert_eq!(cells[6][..3], ["", "3dgs", "24.50"]);
+    assert!(
+        text.contains("of the methods that are in all of them"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -332,6 +338,11 @@ fn lpips_of_different_nets_and_ranges_stand_apart() {
     let cells = rows(&text);
     assert_eq!(cells[0][4..6], ["0.200", "n/a"]);
     assert_eq!(cells[1][4..6], ["n/a", "0.180"]);
+    assert!(!text.contains("--lpips-weights"), "{text}");
+    // A column with a gap says how to fill it.
+    let text = table(&[vgg.clone(), BASELINE]);
+    assert_eq!(rows(&text)[1][4], "n/a");
+    assert!(text.contains("--lpips-weights"), "{text}");
     // Lower is better.
     let text = table(&[vgg, with(BASELINE, Net::Vgg, InputRange::Unit)]);
     assert_eq!(rows(&text)[1][4], "**0.180**");

@@ -1,5 +1,6 @@
 //! The commands. Logs go to stderr, tables to stdout.
 
+mod doctor;
 mod eval;
 mod measure;
 mod render;
@@ -7,6 +8,7 @@ mod study;
 mod train;
 
 use std::io::Write;
+use std::path::Path;
 
 use clap::{Parser, Subcommand};
 
@@ -18,6 +20,7 @@ Examples:
   gspotential train --scene scenes/garden --out runs/garden
   gspotential eval runs/garden
   gspotential render --model runs/garden/point_cloud.ply --cameras runs/garden/cameras.json --out views
+  gspotential doctor                                   is this machine's adapter right?
 
 Exit codes: 0 done, 1 failed, 2 wrong usage.";
 
@@ -36,6 +39,7 @@ enum Command {
     Eval(eval::EvalArgs),
     Render(render::RenderArgs),
     Study(study::StudyArgs),
+    Doctor(doctor::DoctorArgs),
 }
 
 impl Cli {
@@ -46,6 +50,7 @@ impl Cli {
             Command::Eval(args) => args.run(),
             Command::Render(args) => args.run(),
             Command::Study(args) => args.run(),
+            Command::Doctor(args) => args.run(),
         }
     }
 }
@@ -59,6 +64,25 @@ fn print(text: &str) -> Result<()> {
     {
         Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Error::new(format!("cannot write: {e}")).at("stdout"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Whether a file that a command writes may be written, before it takes time.
+fn check_output(path: &Path, overwrite: bool) -> Result<()> {
+    if path.is_dir() {
+        return Err(Error::usage("is a folder").at_path(path));
+    }
+    if path.exists() && !overwrite {
+        return Err(Error::new("is there already")
+            .at_path(path)
+            .way_out("name another file, or replace it with --overwrite"));
+    }
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+    match folder {
+        Some(folder) if !folder.is_dir() => {
+            Err(Error::new("its folder is not there").at_path(path))
         }
         _ => Ok(()),
     }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use gspotential::config::Config;
+use gspotential::digest::sha256;
 use gspotential::eval::EvalOptions;
 use gspotential::gaussians::Gaussians;
 use gspotential::gpu::Gpu;
@@ -12,8 +13,8 @@ use gspotential::scene::builtin::{BuiltinOptions, scene};
 use gspotential::scene::{Scene, SceneSource};
 use gspotential::train::{Observer, Trained, Trainer};
 
-use super::render::print;
 use super::rig::context;
+use super::views::print;
 
 const WIDTH: u32 = 72;
 
@@ -99,10 +100,10 @@ fn runs_with_one_seed_are_equal_to_the_byte_whatever_the_threads_and_the_curve()
         .expect("threads")
         .install(|| run(&scene, &folder.path().join("third"), None));
     print(&format!(
-        "point_cloud.ply of three runs: {:016x}, {:016x}, {:016x}\n",
-        hash(&first.0),
-        hash(&second.0),
-        hash(&third.0)
+        "point_cloud.ply of three runs: {:.16}, {:.16}, {:.16}\n",
+        sha256(&first.0),
+        sha256(&second.0),
+        sha256(&third.0)
     ));
     for (which, other) in [("second", &second), ("other threads", &third)] {
         assert!(first.0 == other.0, "{which}: point_cloud.ply differs");
@@ -133,13 +134,6 @@ fn check_curve(metrics: &Metrics, evaluation: &Evaluation, eval_every: Option<u3
         Some(metrics.curve[4].n_gaussians),
         at_80.map(|m| m.n_gaussians)
     );
-}
-
-/// FNV-1a.
-fn hash(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| {
-        (h ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3)
-    })
 }
 
 struct Quiet;

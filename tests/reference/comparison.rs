@@ -1,9 +1,11 @@
 //! The comparisons and the readers can fail.
 
-use super::cases::Random;
-use super::compare::{assert_close_off_mask, assert_relative_l2, max_abs_off_mask, relative_l2};
+use gspotential::reference::cases::Random;
+use gspotential::reference::compare::{max_abs_off_mask, relative_l2};
+
 use super::fixture::parse_ply;
 use super::npy;
+use super::{assert_close_off_mask, assert_relative_l2};
 
 fn values(n: usize) -> Vec<f64> {
     let mut random = Random::new(3);

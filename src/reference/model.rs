@@ -19,7 +19,7 @@ pub struct TwinGaussians {
 }
 
 impl TwinGaussians {
-    pub fn len(&self) -> usize {
+    pub fn n(&self) -> usize {
         self.means.len()
     }
 }

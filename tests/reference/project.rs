@@ -1,11 +1,12 @@
 //! SH and the projection against their definitions and against central differences.
 
-use super::cases::{self, Random, TwinCase};
-use super::compare::assert_relative_l2;
-use super::linalg::{Vec3, dot, normalize};
-use super::model::{SplatGradient, TwinCamera, TwinGaussians, TwinSplat};
-use super::project::{RawGradient, project, project_backward};
-use super::{sh, tolerance};
+use gspotential::reference::cases::{self, Random, TwinCase};
+use gspotential::reference::linalg::{Vec3, dot, normalize};
+use gspotential::reference::model::{SplatGradient, TwinCamera, TwinGaussians, TwinSplat};
+use gspotential::reference::project::{RawGradient, project, project_backward};
+use gspotential::reference::{sh, tolerance};
+
+use super::assert_relative_l2;
 
 /// Fourth-order central difference of `f` at 0.
 pub fn central_difference(f: impl Fn(f64) -> f64) -> f64 {
@@ -59,7 +60,7 @@ fn unit(random: &mut Random) -> Vec3 {
 fn check_projection(name: &str, case: &TwinCase) -> usize {
     let mut n_clamped = 0;
     for camera in &case.cameras {
-        for i in 0..case.gaussians.len() {
+        for i in 0..case.gaussians.n() {
             let splat = project(&case.gaussians, i, camera);
             let p = camera.to_camera(&case.gaussians.means[i]);
             let bounds = camera.tangent_bounds();

@@ -135,7 +135,7 @@ pub fn render_with_tolerance(
     camera: &TwinCamera,
     tolerance: f64,
 ) -> TwinRender {
-    let projected: Vec<TwinSplat> = (0..gaussians.len())
+    let projected: Vec<TwinSplat> = (0..gaussians.n())
         .into_par_iter()
         .map(|i| project(gaussians, i, camera))
         .collect();
@@ -174,7 +174,7 @@ pub fn backward(
     d_rgb: &[f64],
     d_alpha: &[f64],
 ) -> TwinGradients {
-    let n = gaussians.len();
+    let n = gaussians.n();
     let active = active(&render.projected, 0.0);
     let bands: Vec<Vec<SplatGradient>> = (0..camera.height.div_ceil(BAND))
         .into_par_iter()

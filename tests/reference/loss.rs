@@ -1,11 +1,12 @@
 //! The losses against values worked out by hand and central differences; Adam.
 
-use super::adam::TwinAdam;
-use super::cases::Random;
-use super::compare::assert_relative_l2;
-use super::loss::{TwinLoss, loss, window};
-use super::project_tests::central_difference;
-use super::tolerance;
+use gspotential::reference::adam::TwinAdam;
+use gspotential::reference::cases::Random;
+use gspotential::reference::loss::{TwinLoss, loss, window};
+use gspotential::reference::tolerance;
+
+use super::assert_relative_l2;
+use super::project::central_difference;
 
 const W: usize = 13;
 const H: usize = 11;

@@ -32,8 +32,15 @@ pub fn tiles_of(splat: &TwinSplat, grid: &TileGrid, min_alpha: f64) -> Vec<usize
     if splat.valid {
         let [xx, xy, yy] = splat.cov2d;
         let det = xx * yy - xy * xy;
-        for y in 0..grid.height {
-            for x in 0..grid.width {
+        // Alpha is `min_alpha` on q = 2 ln(opacity / min_alpha), whose box is sqrt(q cov).
+        let q_max = 2.0 * (splat.opacity / min_alpha).ln().max(0.0);
+        let pixels = |center: f64, variance: f64, n: usize| {
+            let reach = (q_max * variance).sqrt() + 1.0;
+            let bound = |x: f64| x.clamp(0.0, n as f64) as usize;
+            bound((center - reach).floor())..bound((center + reach).ceil())
+        };
+        for y in pixels(splat.mean2d[1], yy, grid.height) {
+            for x in pixels(splat.mean2d[0], xx, grid.width) {
                 let dx = x as f64 + 0.5 - splat.mean2d[0];
                 let dy = y as f64 + 0.5 - splat.mean2d[1];
                 let q = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / det;

@@ -6,10 +6,10 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use gspotential::reference::linalg::Vec3;
+use gspotential::reference::model::{TwinCamera, TwinGaussians, TwinGradients};
 use serde::Deserialize;
 
-use super::linalg::Vec3;
-use super::model::{TwinCamera, TwinGaussians, TwinGradients};
 use super::npy::read_shaped;
 
 /// One case: Gaussians seen by some cameras.
@@ -109,7 +109,7 @@ impl Fixture {
     /// Loads one camera's arrays; its background is black.
     pub fn view(&self, index: usize) -> FixtureView {
         let entry = &self.views[index];
-        let (n, h, w) = (self.gaussians.len(), entry.height, entry.width);
+        let (n, h, w) = (self.gaussians.n(), entry.height, entry.width);
         let array = |what: &str, shape: &[usize]| {
             let file = format!("{}_{what}.npy", entry.img_name);
             read_shaped(&self.dir.join(file), shape)

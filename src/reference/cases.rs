@@ -1,6 +1,8 @@
 //! Seeded cases: every number is exactly representable in f32, so a single-precision renderer
 //! starts from the same input.
 
+use std::collections::BTreeSet;
+
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
@@ -89,6 +91,12 @@ struct Draw {
     opacity: f64,
 }
 
+/// An integer that orders as `x` does.
+fn ordered(x: f64) -> i64 {
+    let bits = x.to_bits() as i64;
+    bits ^ ((bits >> 63) as u64 >> 1) as i64
+}
+
 /// Adds Gaussians drawn by `draw`, with random rotation and SH, but only such as leave no
 /// decision a Gaussian open in any camera: near plane, depth order, the Jacobian's bounds and the
 /// clamp of the colour all have a margin of 1e-4 or more (depths 1e-5).
@@ -107,7 +115,8 @@ fn build(
         rotation_wxyz: Vec::new(),
         sh_degree,
     };
-    while gaussians.len() < n {
+    let mut depths = vec![BTreeSet::new(); cameras.len()];
+    while gaussians.n() < n {
         let Draw {
             mean,
             scale,
@@ -118,7 +127,7 @@ fn build(
             let spread = if k == 0 { 0.8 } else { 0.2 };
             [(); 3].map(|()| f32_exact(spread * random.normal()))
         });
-        let settled = cameras.iter().all(|camera| {
+        let settled = cameras.iter().zip(&depths).all(|(camera, depths)| {
             let p = camera.to_camera(&mean);
             let bounds = camera.tangent_bounds();
             let (direction, _) = normalize(&sub(&mean, &camera.center()));
@@ -126,12 +135,15 @@ fn build(
             (p[2] - camera.near).abs() > 1e-4
                 && (0..2).all(|i| bounds[i].iter().all(|b| (p[i] / p[2] - b).abs() > 1e-4))
                 && color.iter().all(|c| c.abs() > 1e-4)
-                && gaussians
-                    .means
-                    .iter()
-                    .all(|other| (camera.to_camera(other)[2] - p[2]).abs() > 1e-5)
+                && depths
+                    .range(ordered(p[2] - 1e-5)..=ordered(p[2] + 1e-5))
+                    .next()
+                    .is_none()
         });
         if settled {
+            for (camera, depths) in cameras.iter().zip(&mut depths) {
+                depths.insert(ordered(camera.to_camera(&mean)[2]));
+            }
             gaussians.means.push(mean);
             gaussians.sh.push(coefficients);
             let logit = (opacity / (1.0 - opacity)).ln();

@@ -1,10 +1,11 @@
 //! The twins against the reference cases on disk.
 
-use super::compare::{assert_close_off_mask, assert_relative_l2};
+use gspotential::reference::model::TwinSplat;
+use gspotential::reference::raster::{backward, render_with_tolerance};
+use gspotential::reference::tolerance;
+
 use super::fixture::{FixtureView, fixtures};
-use super::model::TwinSplat;
-use super::raster::{backward, render_with_tolerance};
-use super::tolerance;
+use super::{assert_close_off_mask, assert_relative_l2};
 
 /// Calls `check` on every view of every case with a name for messages and its fragile tolerance.
 fn each_view(check: impl Fn(&str, &FixtureView, f64)) {

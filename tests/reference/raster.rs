@@ -1,13 +1,14 @@
 //! Compositing end to end against central differences and against scenes worked out by hand;
 //! tile lists.
 
-use super::bin::{TileGrid, tile_lists, tiles_of};
-use super::cases::{self, TwinCase};
-use super::compare::relative_l2;
-use super::model::{TwinCamera, TwinGaussians, TwinSplat};
-use super::project_tests::{CLASSES, N_RAW, central_difference, parameter};
-use super::raster::{ALPHA_MIN, backward, render, render_with_tolerance};
-use super::tolerance;
+use gspotential::reference::bin::{TileGrid, tile_lists, tiles_of};
+use gspotential::reference::cases::{self, TwinCase};
+use gspotential::reference::compare::relative_l2;
+use gspotential::reference::model::{TwinCamera, TwinGaussians, TwinSplat};
+use gspotential::reference::raster::{ALPHA_MIN, backward, render, render_with_tolerance};
+use gspotential::reference::tolerance;
+
+use super::project::{CLASSES, N_RAW, central_difference, parameter};
 
 /// Central differences of every raw parameter against the backward pass, per class, in images
 /// small enough for it.
@@ -28,7 +29,7 @@ fn check_case(name: &str, case: &TwinCase) {
             dot(&image.rgb, &d_rgb) + dot(&image.alpha, &d_alpha)
         };
         let gradients = backward(&case.gaussians, &camera, &reference, &d_rgb, &d_alpha);
-        let n = case.gaussians.len();
+        let n = case.gaussians.n();
         for ((class, values), (_, range)) in gradients.classes().into_iter().zip(CLASSES) {
             let differences: Vec<f64> = (0..n)
                 .flat_map(|i| range.clone().map(move |k| (i, k)))
