@@ -1,6 +1,8 @@
 //! The one error type: what went wrong, where, and the way out.
 
 use std::fmt;
+use std::fs::{self, File};
+use std::io::{self, Write};
 use std::path::Path;
 
 /// Result of everything fallible in this crate.
@@ -11,6 +13,10 @@ pub type Result<T> = std::result::Result<T, Error>;
 pub enum ErrorKind {
     /// The command line or the config asks for something that does not exist: exit code 2.
     Usage,
+    /// Ctrl-C or SIGTERM: exit code 130, as of a shell's interrupted command.
+    Interrupted,
+    /// The GPU is gone, and with it all that it held; worth another try. Exit code 1.
+    DeviceLost,
     /// Anything else: exit code 1.
     Failure,
 }
@@ -27,19 +33,21 @@ pub struct Error {
 impl Error {
     /// A failure (exit code 1) described by `what`.
     pub fn new(what: impl Into<String>) -> Self {
-        Self {
-            kind: ErrorKind::Failure,
-            place: None,
-            what: what.into(),
-            way_out: None,
-        }
+        Self::of(ErrorKind::Failure, what)
     }
 
     /// A usage error (exit code 2) described by `what`.
     pub fn usage(what: impl Into<String>) -> Self {
+        Self::of(ErrorKind::Usage, what)
+    }
+
+    /// An error of this kind described by `what`.
+    pub fn of(kind: ErrorKind, what: impl Into<String>) -> Self {
         Self {
-            kind: ErrorKind::Usage,
-            ..Self::new(what)
+            kind,
+            place: None,
+            what: what.into(),
+            way_out: None,
         }
     }
 
@@ -63,6 +71,14 @@ impl Error {
         self
     }
 
+    /// [`Error::way_out`] where none is named yet.
+    pub fn or_way_out(self, way_out: impl Into<String>) -> Self {
+        match self.way_out {
+            None => self.way_out(way_out),
+            Some(_) => self,
+        }
+    }
+
     pub fn kind(&self) -> ErrorKind {
         self.kind
     }
@@ -71,7 +87,8 @@ impl Error {
     pub fn exit_code(&self) -> u8 {
         match self.kind {
             ErrorKind::Usage => 2,
-            ErrorKind::Failure => 1,
+            ErrorKind::Interrupted => 130,
+            ErrorKind::DeviceLost | ErrorKind::Failure => 1,
         }
     }
 }
@@ -93,22 +110,59 @@ impl std::error::Error for Error {}
 
 /// Reads a whole file; the error names it.
 pub fn read_file(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).map_err(|e| Error::new(format!("cannot read: {e}")).at_path(path))
+    fs::read(path).map_err(|e| Error::new(format!("cannot read: {e}")).at_path(path))
 }
 
 /// Writes a whole file through a temporary neighbour and a rename, so that a half-written
-/// file never stands under the final name; the error names it.
+/// file never stands under the final name; the error names it. Once this returns the file is on
+/// the disk, not in a cache that a power cut empties.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
-    let mut part = path.as_os_str().to_owned();
-    part.push(".part");
-    let part = Path::new(&part);
-    std::fs::write(part, bytes)
-        .and_then(|()| std::fs::rename(part, path))
-        .map_err(|e| Error::new(format!("cannot write: {e}")).at_path(path))
+    write_parts(path, [Ok(bytes)].into_iter())
+}
+
+/// [`write_file`] for a file that comes in parts; one that fails leaves no file.
+pub fn write_parts<B: AsRef<[u8]>>(
+    path: &Path,
+    parts: impl Iterator<Item = Result<B>>,
+) -> Result<()> {
+    let mut neighbor = path.as_os_str().to_owned();
+    neighbor.push(PART);
+    let neighbor = Path::new(&neighbor);
+    let cannot = |e: io::Error| Error::new(format!("cannot write: {e}")).at_path(path);
+    let written = (|| {
+        let mut file = File::create(neighbor).map_err(cannot)?;
+        for part in parts {
+            file.write_all(part?.as_ref()).map_err(cannot)?;
+        }
+        file.sync_all().map_err(cannot)?;
+        fs::rename(neighbor, path)
+            .and_then(|()| sync_folder(path))
+            .map_err(cannot)
+    })();
+    if written.is_err() {
+        // The room that it takes may be what is missing; where it cannot be removed, the error
+        // at hand says more.
+        let _ = fs::remove_file(neighbor);
+    }
+    written
+}
+
+/// What [`write_file`] appends to the name of the temporary neighbour.
+pub const PART: &str = ".part";
+
+/// Puts the new name of `path` on the disk; Windows has no way to, and does so itself.
+fn sync_folder(path: &Path) -> io::Result<()> {
+    if cfg!(windows) {
+        return Ok(());
+    }
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty());
+    File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
 }
 
 /// Creates a directory with its parents; the error names it.
 pub fn create_dir(path: &Path) -> Result<()> {
-    std::fs::create_dir_all(path)
+    fs::create_dir_all(path)
         .map_err(|e| Error::new(format!("cannot create the directory: {e}")).at_path(path))
 }

@@ -13,6 +13,11 @@
 //! forward, y down). Everything on the GPU lives in the canonical frame ([`camera::Frame`]):
 //! focus at the origin, sphere of radius 1. Colours are as stored (sRGB), in `[0, 1]`.
 
+#![forbid(unsafe_code)]
+
+// Products of two image sides or of a number of Gaussians and its bytes fit a `usize` then.
+const _: () = assert!(usize::BITS >= 64, "needs a 64-bit system");
+
 pub mod camera;
 pub mod cameras_json;
 pub mod carve;

@@ -4,13 +4,18 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use gspotential::cli::Cli;
+use gspotential::error::ErrorKind;
 
 fn main() -> ExitCode {
     quiet_device_selection();
     match Cli::parse().run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
+            let label = match error.kind() {
+                ErrorKind::Interrupted => "stopped",
+                _ => "error",
+            };
+            eprintln!("{label}: {error}");
             ExitCode::from(error.exit_code())
         }
     }

@@ -11,7 +11,13 @@ const LINE_INTERVAL: Duration = Duration::from_secs(5);
 /// Shows iterations per second, loss, number of Gaussians and time left.
 pub struct Progress {
     sink: Sink,
+    pace: Pace,
+}
+
+struct Pace {
     total: u32,
+    /// Iterations that were finished before `start`.
+    before: u32,
     start: Instant,
 }
 
@@ -44,29 +50,36 @@ impl Progress {
         }
         Progress {
             sink: Sink::Bar(bar),
-            total,
-            start: Instant::now(),
+            pace: Pace::new(total),
         }
+    }
+
+    /// Goes on after `done` iterations, whose speed is not known.
+    pub fn from(mut self, done: u32) -> Progress {
+        self.pace.before = done;
+        if let Sink::Bar(bar) = &self.sink {
+            bar.set_position(u64::from(done));
+            bar.reset_eta();
+        }
+        self
     }
 
     /// Plain lines into `out`, at most one an `interval`.
     pub fn lines(total: u32, out: Box<dyn Write + Send>, interval: Duration) -> Progress {
-        let start = Instant::now();
+        let pace = Pace::new(total);
         Progress {
             sink: Sink::Lines {
                 out,
                 interval,
-                last: start,
+                last: pace.start,
                 latest: None,
             },
-            total,
-            start,
+            pace,
         }
     }
 
     /// After `iteration` iterations.
     pub fn update(&mut self, iteration: u32, loss: f64, n_gaussians: usize) {
-        let line = |elapsed| line(iteration, self.total, elapsed, loss, n_gaussians);
         match &mut self.sink {
             Sink::Bar(bar) => {
                 bar.set_message(format!("loss {loss:.4}  {n_gaussians} Gaussians"));
@@ -82,7 +95,7 @@ impl Progress {
                 if last.elapsed() >= *interval {
                     *last = Instant::now();
                     // Training goes on when nobody can read how it does.
-                    let _ = writeln!(out, "{}", line(self.start.elapsed()));
+                    let _ = writeln!(out, "{}", self.pace.line(iteration, loss, n_gaussians));
                     *latest = None;
                 }
             }
@@ -97,23 +110,34 @@ impl Progress {
                 mut out, latest, ..
             } => {
                 if let Some((iteration, loss, n_gaussians)) = latest {
-                    let elapsed = self.start.elapsed();
-                    let line = line(iteration, self.total, elapsed, loss, n_gaussians);
-                    let _ = writeln!(out, "{line}");
+                    let _ = writeln!(out, "{}", self.pace.line(iteration, loss, n_gaussians));
                 }
             }
         }
     }
 }
 
-/// `1500/10000  12.3 it/s  loss 0.0812  51234 Gaussians  11m31s left`
-fn line(iteration: u32, total: u32, elapsed: Duration, loss: f64, n_gaussians: usize) -> String {
-    let per_second = f64::from(iteration) / elapsed.as_secs_f64().max(1e-9);
-    let left = f64::from(total.saturating_sub(iteration)) / per_second;
-    format!(
-        "{iteration}/{total}  {per_second:.1} it/s  loss {loss:.4}  {n_gaussians} Gaussians  {} left",
-        short_time(left)
-    )
+impl Pace {
+    fn new(total: u32) -> Pace {
+        Pace {
+            total,
+            before: 0,
+            start: Instant::now(),
+        }
+    }
+
+    /// `1500/10000  12.3 it/s  loss 0.0812  51234 Gaussians  11m31s left`
+    fn line(&self, iteration: u32, loss: f64, n_gaussians: usize) -> String {
+        let seconds = self.start.elapsed().as_secs_f64().max(1e-9);
+        let per_second = f64::from(iteration.saturating_sub(self.before)) / seconds;
+        let left = f64::from(self.total.saturating_sub(iteration)) / per_second;
+        format!(
+            "{iteration}/{}  {per_second:.1} it/s  loss {loss:.4}  {n_gaussians} Gaussians  \
+             {} left",
+            self.total,
+            short_time(left)
+        )
+    }
 }
 
 /// Seconds as `2h05m`, `11m31s` or `42s`; `?` where unknown.

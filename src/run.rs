@@ -8,27 +8,37 @@
 //! cameras.json     every camera
 //! virtual/         contact_sheet.png: virtual views beside their masks
 //! test/            one PNG a test view; contact_sheet.png: renders beside photographs
+//! checkpoints/     until the run is finished: its job, and states to resume from
+//! .lock            locked by the process that writes the run
 //! ```
 
+mod checkpoints;
 mod evaluation;
+mod lock;
 mod names;
 mod record;
+mod stop;
 
 pub use crate::scene::PoseProtocol;
+pub use checkpoints::{Checkpoints, Found};
 pub use evaluation::{
     Evaluation, LpipsRecord, MaskedMean, MaskedScore, Mean, Measured, PointSplatScore, Renders,
     ViewScore, mean,
 };
 pub use names::file_names;
 pub use record::{
-    CurvePoint, ImageLoss, LossSample, Memory, Metrics, ModelSize, PlanCounts, SceneRecord,
-    Seconds, peak_host_bytes,
+    CurvePoint, ImageLoss, JobRecord, LossSample, Memory, Metrics, ModelSize, PlanCounts,
+    SceneRecord, Seconds, peak_host_bytes,
 };
+pub use stop::{Gentle, Stop};
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+
+use lock::{LOCK_FILE, RunLock};
 
 use crate::config::Config;
 use crate::error::{Error, Result, create_dir, read_file, write_file};
@@ -43,11 +53,15 @@ const FILES: &[&str] = &[
 /// In both folders; [`file_names`] gives it to no view.
 const SHEET: &str = "contact_sheet.png";
 const FOLDERS: &[&str] = &["virtual", "test"];
+const CHECKPOINTS: &str = "checkpoints";
+const JOB: &str = "checkpoints/job.json";
 
 /// A run directory that exists.
 #[derive(Clone, Debug)]
 pub struct RunDir {
     root: PathBuf,
+    /// Where this process writes the run.
+    lock: Option<Arc<RunLock>>,
 }
 
 impl RunDir {
@@ -59,39 +73,33 @@ impl RunDir {
     /// Fails where [`RunDir::create`] would because of what is there already; for an early
     /// refusal, before the scene is loaded.
     pub fn check(root: &Path, overwrite: bool) -> Result<()> {
-        if is_vacant(root)? {
-            return Ok(());
-        }
-        if !overwrite {
-            return Err(Error::new("is not empty")
-                .at_path(root)
-                .way_out("choose another --out, or replace the run with --overwrite"));
-        }
-        // Whoever mistypes --out must not lose a `test/` folder of their own.
-        if !is_run(root) {
-            return Err(
-                Error::new("is not empty and holds no run, so it is not overwritten")
-                    .at_path(root)
-                    .way_out("choose another --out"),
-            );
+        check_contents(root, overwrite)?;
+        if root.join(LOCK_FILE).exists() {
+            RunLock::take(root)?;
         }
         Ok(())
     }
 
-    /// Creates the directory with its folders and writes `config.json`, so that an output that
-    /// cannot be written fails before training. With `overwrite` an older run's files are
-    /// removed first; what else lies there stays.
+    /// Creates the directory with its folders, locks it and writes `config.json`, so that an
+    /// output that cannot be written fails before training. With `overwrite` an older run's files
+    /// are removed first; what else lies there stays.
     pub fn create(root: &Path, config: &Config, overwrite: bool) -> Result<RunDir> {
-        Self::check(root, overwrite)?;
+        check_contents(root, overwrite)?;
+        create_dir(root)?;
+        let lock = RunLock::take(root)?;
+        // Another process may have come first.
+        check_contents(root, overwrite)?;
         let run = RunDir {
             root: root.to_owned(),
+            lock: Some(Arc::new(lock)),
         };
-        create_dir(root)?;
-        // First of all: what is left of an interrupted start is then known as a run.
-        write_file(&run.config_file(), config.to_json()?.as_bytes())?;
+        // What is left of an interrupted start is always known as a run, for its config, and never
+        // as a finished one.
         for name in FILES {
             remove(&run.root.join(name), |path| std::fs::remove_file(path))?;
         }
+        run.checkpoints().clear()?;
+        write_file(&run.config_file(), config.to_json()?.as_bytes())?;
         for name in FOLDERS {
             let folder = run.root.join(name);
             remove(&folder, |path| std::fs::remove_dir_all(path))?;
@@ -100,7 +108,7 @@ impl RunDir {
         Ok(run)
     }
 
-    /// An existing run, recognised by its `config.json`.
+    /// An existing run to read, recognised by its `config.json`.
     pub fn open(root: &Path) -> Result<RunDir> {
         if !root.join("config.json").is_file() {
             return Err(Error::new("is no run directory: it has no config.json")
@@ -109,7 +117,50 @@ impl RunDir {
         }
         Ok(RunDir {
             root: root.to_owned(),
+            lock: None,
         })
+    }
+
+    /// [`RunDir::open`] to write, too: no other process can until this is dropped.
+    pub fn claim(root: &Path) -> Result<RunDir> {
+        let run = Self::open(root)?;
+        Ok(RunDir {
+            lock: Some(Arc::new(RunLock::take(root)?)),
+            ..run
+        })
+    }
+
+    /// This run to write, too; locked by this value or by the result.
+    pub fn claimed(&self) -> Result<RunDir> {
+        match self.lock {
+            Some(_) => Ok(self.clone()),
+            None => Self::claim(&self.root),
+        }
+    }
+
+    /// Whether training and evaluation have ended; `metrics.json` is written last.
+    pub fn is_finished(&self) -> bool {
+        self.root.join("metrics.json").is_file()
+    }
+
+    pub fn checkpoints(&self) -> Checkpoints {
+        Checkpoints::new(self.root.join(CHECKPOINTS))
+    }
+
+    /// Notes what the run is asked for, so that it can be resumed.
+    pub fn write_job(&self, job: &JobRecord) -> Result<()> {
+        create_dir(self.checkpoints().folder())?;
+        self.write_json(JOB, job)
+    }
+
+    /// What an unfinished run was asked for.
+    pub fn job(&self) -> Result<JobRecord> {
+        if !self.root.join(JOB).is_file() {
+            return Err(Error::new("was stopped before its training began")
+                .at_path(&self.root)
+                .way_out("start it again, with --overwrite"));
+        }
+        self.read_json(JOB)
     }
 
     pub fn root(&self) -> &Path {
@@ -162,6 +213,12 @@ impl RunDir {
     }
 
     pub fn metrics(&self) -> Result<Metrics> {
+        if !self.is_finished() {
+            let root = self.root.display();
+            return Err(Error::new("is missing: the run is not finished")
+                .at_path(&self.root.join("metrics.json"))
+                .way_out(format!("go on with `gspotential train --resume {root}`")));
+        }
         self.read_json("metrics.json")
     }
 
@@ -191,10 +248,33 @@ impl RunDir {
     }
 }
 
-/// Absent or an empty directory.
+fn check_contents(root: &Path, overwrite: bool) -> Result<()> {
+    if is_vacant(root)? {
+        return Ok(());
+    }
+    if !overwrite {
+        return Err(Error::new("is not empty").at_path(root).way_out(
+            "choose another --out, go on with a run that was stopped with --resume, or replace it \
+             with --overwrite",
+        ));
+    }
+    // Whoever mistypes --out must not lose a `test/` folder of their own.
+    if !is_run(root) {
+        return Err(
+            Error::new("is not empty and holds no run, so it is not overwritten")
+                .at_path(root)
+                .way_out("choose another --out"),
+        );
+    }
+    Ok(())
+}
+
+/// Absent, or a directory with nothing in it but perhaps a lock.
 fn is_vacant(root: &Path) -> Result<bool> {
     match std::fs::read_dir(root) {
-        Ok(mut entries) => Ok(entries.next().is_none()),
+        Ok(mut entries) => {
+            Ok(entries.all(|entry| entry.is_ok_and(|entry| entry.file_name() == LOCK_FILE)))
+        }
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(true),
         Err(e) => Err(Error::new(format!("cannot be a run directory: {e}")).at_path(root)),
     }

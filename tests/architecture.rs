@@ -313,6 +313,7 @@ fn the_parts_of_scene_use_one_another_without_a_circle() {
         planted("scene/formats/x.rs", "use crate::scene::lens::pinhole;"),
         None
     );
+}
 
 #[test]
 fn planted_violations_around_the_reference_are_found() {

@@ -8,6 +8,7 @@ mod cli;
 mod commands;
 mod comparison;
 mod config;
+mod faults;
 mod field;
 mod gaussians;
 mod gaussians_ply;

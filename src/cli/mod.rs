@@ -22,7 +22,7 @@ Examples:
   gspotential render --model runs/garden/point_cloud.ply --cameras runs/garden/cameras.json --out views
   gspotential doctor                                   is this machine's adapter right?
 
-Exit codes: 0 done, 1 failed, 2 wrong usage.";
+Exit codes: 0 done, 1 failed, 2 wrong usage, 130 stopped by Ctrl-C or SIGTERM.";
 
 /// Trains a 3D Gaussian Splatting scene from a few posed photographs and a point cloud, guided
 /// by a camera potential field.

@@ -8,9 +8,9 @@ use clap::Args;
 use super::measure::MeasureArgs;
 use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
-use crate::pipeline::TrainJob;
+use crate::pipeline::{Resumed, TrainJob};
 use crate::report::evaluation_table;
-use crate::run::RunDir;
+use crate::run::{Evaluation, RunDir};
 use crate::scene::{CloudSource, SceneSource};
 
 const EXAMPLES: &str = "\
@@ -19,6 +19,7 @@ Examples:
   gspotential train --scene scenes/garden --max-size 320 --iterations 1000
   gspotential train --scene scenes/garden --preset 3dgs --out runs/baseline
   gspotential train --set views.count=64 --set loss.ssim_weight=0.3
+  gspotential train --resume runs/garden
 
 A config file is a JSON object that states what it changes, as in
   {\"preset\": \"paper\", \"iterations\": 3000, \"views\": {\"count\": 64}}
@@ -85,9 +86,21 @@ pub struct TrainArgs {
     #[arg(long, value_name = "N")]
     eval_every: Option<NonZeroU32>,
 
+    /// Iterations between two checkpoints [default: by time, about a minute]
+    #[arg(long, value_name = "N")]
+    checkpoint_every: Option<NonZeroU32>,
+
     /// Replace the run that --out holds
     #[arg(long)]
     overwrite: bool,
+
+    /// Go on with a run that was stopped, with everything as it was started; how it is measured
+    /// may be said again
+    #[arg(long, value_name = "RUN", conflicts_with_all = [
+        "scene", "out", "preset", "config", "settings", "iterations", "max_size", "max_points",
+        "seed", "train_views", "test_views", "cloud", "eval_every", "overwrite",
+    ])]
+    resume: Option<PathBuf>,
 
     #[command(flatten)]
     measure: MeasureArgs,
@@ -95,6 +108,19 @@ pub struct TrainArgs {
 
 impl TrainArgs {
     pub fn run(self) -> Result<()> {
+        let checkpoint_every = self.checkpoint_every.map(NonZeroU32::get);
+        if let Some(root) = &self.resume {
+            return match TrainJob::resume(root, checkpoint_every, &self.measure.options()?)? {
+                Resumed::Trained(run, evaluation) => report(&run, &evaluation),
+                Resumed::WasFinished(run) => {
+                    eprintln!(
+                        "{} is finished; nothing is left to do",
+                        run.root().display()
+                    );
+                    Ok(())
+                }
+            };
+        }
         let config = self.resolved_config()?;
         check_names("--train-views", self.train_views.as_deref())?;
         check_names("--test-views", self.test_views.as_deref())?;
@@ -107,15 +133,14 @@ impl TrainArgs {
             train_views: self.train_views,
             test_views: self.test_views,
             eval_every: self.eval_every.map(NonZeroU32::get),
+            checkpoint_every,
             ..job
         };
         let out = self
             .out
             .unwrap_or_else(|| RunDir::default_path(&job.source.name(), &job.config));
         let (run, evaluation) = job.run(&out, self.overwrite, &self.measure.options()?)?;
-        super::print(&evaluation_table(&run.name(), &evaluation))?;
-        eprintln!("wrote {}", run.root().display());
-        Ok(())
+        report(&run, &evaluation)
     }
 
     fn resolved_config(&self) -> Result<Config> {
@@ -136,6 +161,12 @@ impl TrainArgs {
         config.validate()?;
         Ok(config)
     }
+}
+
+fn report(run: &RunDir, evaluation: &Evaluation) -> Result<()> {
+    super::print(&evaluation_table(&run.name(), evaluation))?;
+    eprintln!("wrote {}", run.root().display());
+    Ok(())
 }
 
 fn check_names(option: &str, names: Option<&[String]>) -> Result<()> {

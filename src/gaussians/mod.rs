@@ -86,6 +86,10 @@ impl Gaussians {
                     .way_out("check the scene's point cloud file"),
             );
         }
+        if u32::try_from(cloud.len()).is_err() {
+            return Err(Error::new(format!("the cloud has {} points", cloud.len()))
+                .way_out(format!("thin it to at most {}", u32::MAX)));
+        }
         if config.sh_degree > MAX_SH_DEGREE {
             return Err(Error::usage(format!(
                 "model.sh_degree is {}, but at most {MAX_SH_DEGREE} is possible",

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use bytemuck::Pod;
 
 use super::Gpu;
+use super::device::mebibytes;
 use crate::error::{Error, Result};
 
 /// A storage or uniform buffer, zero at first; its bytes count towards [`Gpu::peak_bytes`].
@@ -25,7 +26,7 @@ impl Buffer {
     /// A storage buffer for `len` values of `T`; at least 16 bytes, so that it can be bound.
     ///
     /// # Errors
-    /// More bytes than the adapter can bind at once: names both numbers.
+    /// More bytes than the adapter can bind at once, or memory runs out: names the numbers.
     pub fn storage<T: Pod>(gpu: &Gpu, label: &str, len: usize) -> Result<Buffer> {
         let bytes = (len as u64)
             .checked_mul(size_of::<T>() as u64)
@@ -39,13 +40,12 @@ impl Buffer {
                 .at(&gpu.info.name)
                 .way_out("use fewer Gaussians (`--max-points`) or smaller images (`--max-size`)")
             })?;
-        let usage = wgpu::BufferUsages::STORAGE;
-        Ok(Self::create(
-            gpu,
-            label,
-            bytes.max(16).next_multiple_of(4),
-            usage,
-        ))
+        let bytes = bytes.max(16).next_multiple_of(4);
+        let buffer = Self::create(gpu, label, bytes, wgpu::BufferUsages::STORAGE);
+        // At once, because an unusable buffer brings other faults that hide this one.
+        gpu.check_memory()
+            .map_err(|e| e.at(format!("buffer `{label}` of {}", mebibytes(bytes))))?;
+        Ok(buffer)
     }
 
     /// A storage buffer that holds `data`.
@@ -84,8 +84,7 @@ impl Buffer {
             usage: usage | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         });
-        let now = gpu.allocated.fetch_add(bytes, Ordering::Relaxed) + bytes;
-        gpu.peak.fetch_max(now, Ordering::Relaxed);
+        gpu.count(bytes);
         Buffer {
             raw,
             bytes,

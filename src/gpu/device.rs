@@ -1,10 +1,9 @@
-//! Adapter, device and queue.
+//! Adapter, device and queue, and what the driver reports of them.
 
-use std::sync::Arc;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 
 /// An opened adapter. Cheap to share by reference; all buffers and kernels are made through it.
 pub struct Gpu {
@@ -16,7 +15,22 @@ pub struct Gpu {
     pub features: wgpu::Features,
     pub(super) allocated: Arc<AtomicU64>,
     pub(super) peak: AtomicU64,
-    faults: Arc<Mutex<Option<String>>>,
+    memory_limit: AtomicU64,
+    faults: Arc<Mutex<Faults>>,
+}
+
+/// What the driver and the validation have reported outside any call.
+#[derive(Default)]
+struct Faults {
+    /// The first that has not been checked yet.
+    first: Option<wgpu::Error>,
+    /// Why there is no device any more.
+    lost: Option<String>,
+}
+
+fn locked(faults: &Mutex<Faults>) -> MutexGuard<'_, Faults> {
+    // Whoever panicked while holding it has left it whole.
+    faults.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Gpu {
@@ -48,13 +62,15 @@ impl Gpu {
             ..Default::default()
         }))
         .map_err(|e| Error::new(format!("the driver refused the device: {e}")).at(&info.name))?;
-        let faults = Arc::new(Mutex::new(None));
+        let faults = Arc::<Mutex<Faults>>::default();
         let sink = Arc::clone(&faults);
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
-            if let Ok(mut first) = sink.lock() {
-                first.get_or_insert_with(|| error.to_string());
-            }
+            locked(&sink).first.get_or_insert(error);
         }));
+        let sink = Arc::clone(&faults);
+        device.set_device_lost_callback(move |reason, message| {
+            locked(&sink).lost = Some(format!("{reason:?} {message}"));
+        });
         Ok(Gpu {
             device,
             queue,
@@ -63,6 +79,7 @@ impl Gpu {
             features,
             allocated: Arc::new(AtomicU64::new(0)),
             peak: AtomicU64::new(0),
+            memory_limit: AtomicU64::new(u64::MAX),
             faults,
         })
     }
@@ -80,9 +97,7 @@ impl Gpu {
 
     /// Largest buffer that a kernel can bind, bytes.
     pub fn max_binding(&self) -> u64 {
-        self.limits
-            .max_storage_buffer_binding_size
-            .min(self.limits.max_buffer_size)
+        binding_limit(&self.limits)
     }
 
     /// Most bytes that this program's buffers have held at one time.
@@ -90,29 +105,105 @@ impl Gpu {
         self.peak.load(Ordering::Relaxed)
     }
 
+    /// Reports memory as run out once buffers would hold more than `bytes`, as the driver does: for
+    /// tests of what follows, where memory is not to be filled.
+    pub fn limit_memory(&self, bytes: u64) {
+        self.memory_limit.store(bytes, Ordering::Relaxed);
+    }
+
+    /// Counts a new buffer of `bytes` bytes.
+    pub(super) fn count(&self, bytes: u64) {
+        let now = self.allocated.fetch_add(bytes, Ordering::Relaxed) + bytes;
+        self.peak.fetch_max(now, Ordering::Relaxed);
+        if now > self.memory_limit.load(Ordering::Relaxed) {
+            let source = "the limit is reached".into();
+            let error = wgpu::Error::OutOfMemory { source };
+            locked(&self.faults).first.get_or_insert(error);
+        }
+    }
+
     /// Waits until all submitted work is done.
     ///
     /// # Errors
-    /// The first fault that the driver or the validation has reported since the last check.
+    /// What [`Gpu::check`] finds.
     pub fn wait(&self) -> Result<()> {
         let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
         self.check()?;
         polled.map(|_| ()).map_err(|e| self.fault(&e.to_string()))
     }
 
-    /// Reports a fault that has come in outside any call, such as memory running out.
+    /// Reports a fault that has come in outside any call.
+    ///
+    /// # Errors
+    /// A lost device ([`ErrorKind::DeviceLost`]), now and ever after; else the first fault that
+    /// the driver or the validation has reported since the last check.
     pub fn check(&self) -> Result<()> {
-        let fault = self.faults.lock().ok().and_then(|mut first| first.take());
-        match fault {
-            Some(what) => Err(self.fault(&what)),
+        let mut faults = locked(&self.faults);
+        if let Some(reason) = &faults.lost {
+            let what = format!("the GPU is lost: {}", one_line(reason));
+            return Err(Error::of(ErrorKind::DeviceLost, what).at(&self.info.name));
+        }
+        match faults.first.take() {
+            None => Ok(()),
+            Some(wgpu::Error::OutOfMemory { .. }) => Err(self.out_of_memory()),
+            Some(error) => Err(self.fault(&error.to_string())),
+        }
+    }
+
+    /// [`Gpu::check`] for memory alone.
+    pub(super) fn check_memory(&self) -> Result<()> {
+        let mut faults = locked(&self.faults);
+        match faults
+            .first
+            .take_if(|e| matches!(e, wgpu::Error::OutOfMemory { .. }))
+        {
+            Some(_) => Err(self.out_of_memory()),
             None => Ok(()),
         }
     }
 
-    fn fault(&self, what: &str) -> Error {
-        let line = what.split_whitespace().collect::<Vec<_>>().join(" ");
-        Error::new(format!("GPU fault: {line}")).at(&self.info.name)
+    fn out_of_memory(&self) -> Error {
+        let held = self.allocated.load(Ordering::Relaxed);
+        Error::new(format!(
+            "out of GPU memory with {} in buffers",
+            mebibytes(held)
+        ))
+        .at(&self.info.name)
+        .way_out(
+            "close what else uses the GPU, or use fewer Gaussians (`--max-points`, \
+                 `--set densify.max_gaussians=N`) or smaller images (`--max-size`)",
+        )
     }
+
+    fn fault(&self, what: &str) -> Error {
+        Error::new(format!("GPU fault: {}", one_line(what))).at(&self.info.name)
+    }
+}
+
+/// Largest buffer that a kernel can bind under `limits`, bytes. Never 2^32 or more, whatever the
+/// adapter can do: counts and indices in shaders are `u32`.
+pub fn binding_limit(limits: &wgpu::Limits) -> u64 {
+    limits
+        .max_storage_buffer_binding_size
+        .min(limits.max_buffer_size)
+        .min(u64::from(u32::MAX).next_multiple_of(16) - 16)
+}
+
+/// A count of a buffer's entries for a shader.
+///
+/// # Panics
+/// From 2^32 on, which no buffer holds ([`binding_limit`]): a fault in this program.
+pub fn shader_count(n: usize) -> u32 {
+    u32::try_from(n).unwrap_or_else(|_| panic!("{n} entries are in no buffer"))
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// `12.3 MiB`
+pub(super) fn mebibytes(bytes: u64) -> String {
+    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
 }
 
 fn rank(kind: wgpu::DeviceType) -> u32 {

@@ -1,7 +1,8 @@
 //! Evaluation of a run at its scene's test views.
 
+use super::job::cloud_of;
 use super::prepare::carved;
-use super::{focus_of, load_scene};
+use super::{TrainJob, focus_of};
 use crate::camera::Frame;
 use crate::config::Config;
 use crate::digest::sha256;
@@ -12,8 +13,8 @@ use crate::gpu::Gpu;
 use crate::metrics::quantize;
 use crate::render::Kernels;
 use crate::report::{ContactSheet, write_png};
-use crate::run::{Evaluation, Measured, Metrics, PoseProtocol, RunDir, SceneRecord, file_names};
-use crate::scene::{CloudSource, LoadOptions, PointCloud, Scene, SceneSource, View};
+use crate::run::{Evaluation, Measured, PoseProtocol, RunDir, SceneRecord, file_names};
+use crate::scene::{PointCloud, SceneSource, View};
 
 /// The evaluation that `run` holds, where it is that of its model, config and scene as they are
 /// now, by this version, as `options` ask. Where they ask for no LPIPS it may have one. A scene
@@ -46,7 +47,12 @@ pub fn evaluation_at_hand(run: &RunDir, options: &EvalOptions) -> Result<Option<
 
 /// Renders the test views of a run from its model and measures them; writes `eval.json` and
 /// `test/` anew.
+///
+/// # Errors
+/// Another process at work on the run, a scene that is not what it was, and anything that fails on
+/// the way.
 pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
+    let run = &run.claimed()?;
     let config = run.config()?;
     let metrics = run.metrics()?;
     let protocol = metrics.scene.pose_protocol;
@@ -60,8 +66,18 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
         .at_path(run.root())
         .way_out("evaluate it with the version that made it"));
     }
+    let job =
+        TrainJob::recorded(&metrics.scene, config.clone()).map_err(|e| e.at_path(run.root()))?;
     let stamp = stamp_of(&metrics.scene)?;
-    let scene = reload(&config, &metrics).map_err(|e| e.at_path(run.root()))?;
+    let scene = job.load_again().map_err(|e| e.at_path(run.root()))?;
+    if scene.pose_protocol != protocol {
+        return Err(Error::new(format!(
+            "the scene's test cameras are {}, and were {protocol}",
+            scene.pose_protocol
+        ))
+        .at_path(run.root())
+        .way_out("restore its files, or train again"));
+    }
     options
         .check(&scene.test)
         .map_err(|e| e.at_path(run.root()))?;
@@ -79,40 +95,6 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
         what,
         metrics.seconds.train,
     )
-}
-
-/// The scene as the run was trained on it.
-fn reload(config: &Config, metrics: &Metrics) -> Result<Scene> {
-    let source = metrics.scene.source.parse::<SceneSource>()?.resolved()?;
-    let scene = load_scene(
-        &source,
-        &LoadOptions {
-            train_views: Some(metrics.scene.train_views.clone()),
-            test_views: Some(metrics.scene.test_views.clone()),
-            cloud: cloud_of(&metrics.scene)?,
-            ..LoadOptions::new(config)
-        },
-    );
-    // What is wrong is the scene, not the command.
-    let changed = |what: String| {
-        Error::new(format!(
-            "the scene is no longer as it was trained on: {what}"
-        ))
-        .way_out("restore its files, or train again")
-    };
-    let scene = scene.map_err(|e| changed(e.to_string()))?;
-    let (now, then) = (scene.pose_protocol, metrics.scene.pose_protocol);
-    if now != then {
-        return Err(changed(format!(
-            "its test cameras are {now}, and were {then}"
-        )));
-    }
-    Ok(scene)
-}
-
-/// The cloud that is not the scene's own.
-fn cloud_of(record: &SceneRecord) -> Result<Option<CloudSource>> {
-    record.cloud.as_deref().map(str::parse).transpose()
 }
 
 fn stamp_of(record: &SceneRecord) -> Result<Option<String>> {

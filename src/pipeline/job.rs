@@ -8,7 +8,7 @@ use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::eval::EvalOptions;
 use crate::gpu::Gpu;
-use crate::run::{Evaluation, RunDir};
+use crate::run::{Evaluation, RunDir, SceneRecord, Stop};
 use crate::scene::{CloudSource, LoadOptions, Scene, SceneSource};
 
 /// A single training view has no pseudo-focus to put virtual views around.
@@ -27,6 +27,8 @@ pub struct TrainJob {
     pub config: Config,
     /// Iterations between two points of the curve in `metrics.json`; otherwise it has none.
     pub eval_every: Option<u32>,
+    /// Iterations between two checkpoints; otherwise about a minute.
+    pub checkpoint_every: Option<u32>,
 }
 
 impl TrainJob {
@@ -44,6 +46,29 @@ impl TrainJob {
             cloud: None,
             config,
             eval_every: None,
+            checkpoint_every: None,
+        })
+    }
+
+    /// The job of a run whose scene was `record`, without a curve.
+    ///
+    /// # Errors
+    /// A folder that is no longer there.
+    pub fn recorded(record: &SceneRecord, config: Config) -> Result<TrainJob> {
+        Ok(TrainJob {
+            train_views: Some(record.train_views.clone()),
+            test_views: Some(record.test_views.clone()),
+            cloud: cloud_of(record)?,
+            ..Self::new(record.source.parse()?, config)?
+        })
+    }
+
+    /// [`TrainJob::load`] of a job that was recorded.
+    pub fn load_again(&self) -> Result<Scene> {
+        // What is wrong is the scene, not the command.
+        self.load().map_err(|e| {
+            Error::new(format!("the scene is no longer as it was trained on: {e}"))
+                .way_out("restore its files, or train again")
         })
     }
 
@@ -70,7 +95,7 @@ impl TrainJob {
         Ok(scene)
     }
 
-    /// Loads, trains and evaluates as `options` say into the run directory `out`; a run that is there is replaced
+    /// Loads, trains and evaluates into the run directory `out`; a run that is there is replaced
     /// with `overwrite` and refused without.
     ///
     /// # Errors
@@ -84,18 +109,71 @@ impl TrainJob {
         RunDir::check(out, overwrite)?;
         // Before anything takes time or is written: a machine without an adapter is told at once,
         // and the same command works once it has one.
-        let gpu = Gpu::open()?;
-        eprintln!("adapter: {}", gpu.describe());
-        let start = Instant::now();
-        let scene = self.load()?;
-        let load_s = start.elapsed().as_secs_f64();
+        let gpu = open_gpu()?;
+        let (scene, load_s) = timed(|| self.load())?;
         options.check(&scene.test)?;
-        eprintln!("scene: {}", scene.source);
-        for warning in &scene.warnings {
-            eprintln!("warning: {warning}");
-        }
         let run = RunDir::create(out, &self.config, overwrite)?;
-        let evaluation = train(&gpu, &scene, self, load_s, options, &run)?;
+        let stop = Stop::on_signals()?;
+        let evaluation = train(&gpu, &scene, self, load_s, options, &run, &stop)?;
         Ok((run, evaluation))
     }
+
+    /// Goes on with the run in `root` where it was stopped, measures it as `options` say;
+    /// `checkpoint_every` replaces what it was started with.
+    ///
+    /// # Errors
+    /// No run, another process at work on it, a scene or config that is not what it was, and
+    /// anything that fails on the way.
+    pub fn resume(
+        root: &Path,
+        checkpoint_every: Option<u32>,
+        options: &EvalOptions,
+    ) -> Result<Resumed> {
+        let run = RunDir::claim(root)?;
+        if run.is_finished() {
+            run.checkpoints().clear()?;
+            return Ok(Resumed::WasFinished(run));
+        }
+        let record = run.job()?;
+        let gpu = open_gpu()?;
+        let job = TrainJob {
+            eval_every: record.eval_every,
+            checkpoint_every: checkpoint_every.or(record.checkpoint_every),
+            ..Self::recorded(&record.scene, run.config()?)?
+        };
+        let (scene, load_s) = timed(|| job.load_again())?;
+        let stop = Stop::on_signals()?;
+        let evaluation = train(&gpu, &scene, &job, load_s, options, &run, &stop)?;
+        Ok(Resumed::Trained(run, evaluation))
+    }
+}
+
+/// The cloud that is not the scene's own.
+pub(super) fn cloud_of(record: &SceneRecord) -> Result<Option<CloudSource>> {
+    record.cloud.as_deref().map(str::parse).transpose()
+}
+
+/// What [`TrainJob::resume`] found to do.
+pub enum Resumed {
+    /// Nothing.
+    WasFinished(RunDir),
+    Trained(RunDir, Evaluation),
+}
+
+fn open_gpu() -> Result<Gpu> {
+    let gpu = Gpu::open()?;
+    eprintln!("adapter: {}", gpu.describe());
+    Ok(gpu)
+}
+
+/// Loads a scene, says what was taken and what is wrong with it, and how long that took.
+fn timed(load: impl FnOnce() -> Result<Scene>) -> Result<(Scene, f64)> {
+    let start = Instant::now();
+    let scene = load()?;
+    let load_s = start.elapsed().as_secs_f64();
+    eprintln!("scene: {}", scene.source);
+    for warning in &scene.warnings {
+        eprintln!("warning: {warning}");
+    }
+    Ok((scene, load_s))
 }

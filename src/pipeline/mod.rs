@@ -2,12 +2,14 @@
 
 mod evaluate;
 mod job;
+mod keep;
 mod prepare;
 mod render;
 mod train;
+mod watch;
 
 pub use evaluate::{evaluate, evaluation_at_hand};
-pub use job::TrainJob;
+pub use job::{Resumed, TrainJob};
 pub use prepare::{Prepared, n_start, prepare};
 pub use render::render;
 pub use train::train;

@@ -2,27 +2,28 @@
 
 use std::time::Instant;
 
+use super::keep::{Identity, Keeper, Log};
+use super::watch::{Curve, Watch, curve_point};
 use super::{Clock, Prepared, TrainJob, cameras, evaluate, prepare};
-use crate::camera::Frame;
 use crate::cameras_json::write_cameras;
 use crate::config::Config;
-use crate::error::{Error, Result};
-use crate::eval::{self, EvalOptions};
+use crate::error::{Error, ErrorKind, Result};
+use crate::eval::EvalOptions;
 use crate::gaussians::ply::write_ply;
 use crate::gpu::Gpu;
 use crate::progress::Progress;
-use crate::render::{Kernels, Model, Renderer, most_gaussians};
+use crate::render::{Kernels, Renderer, most_gaussians};
 use crate::report::{ContactSheet, mask_image, write_png};
 use crate::run::{
-    CurvePoint, Evaluation, LossSample, Memory, Metrics, ModelSize, RunDir, SceneRecord, Seconds,
+    Evaluation, JobRecord, Memory, Metrics, ModelSize, RunDir, SceneRecord, Seconds, Stop,
     peak_host_bytes,
 };
-use crate::scene::{Image, Scene, View};
-use crate::train::{self, Observer, TrainingView};
+use crate::scene::{Image, PointCloud, Scene, View};
+use crate::train::{PlanRecord, Trained, Trainer, TrainingView};
 
 /// Trains on `scene`, which is `job`'s, evaluates at its test views as `options` say and writes all
-/// into `run`;
-/// `load_s` is how long loading took.
+/// into `run`; `load_s` is how long loading took. Goes on from the run's newest checkpoint, where
+/// there is one, and once more from there where the device is lost on the way.
 pub fn train(
     gpu: &Gpu,
     scene: &Scene,
@@ -30,8 +31,8 @@ pub fn train(
     load_s: f64,
     options: &EvalOptions,
     run: &RunDir,
+    stop: &Stop,
 ) -> Result<Evaluation> {
-    let config = &job.config;
     options.check(&scene.test)?;
     // Of the files as they are now: a mask that is drawn while training runs was not loaded.
     let stamp = job.source.stamp(job.cloud.as_ref());
@@ -39,89 +40,174 @@ pub fn train(
         load: Some(load_s),
         ..Seconds::default()
     };
+    run.write_job(&JobRecord {
+        scene: record(scene, job),
+        eval_every: job.eval_every,
+        checkpoint_every: job.checkpoint_every,
+    })?;
+    let prepared = prepare(scene, &job.config, &mut seconds)?;
+    for warning in &prepared.warnings {
+        eprintln!("warning: {warning}");
+    }
+    if let Some(carved) = &prepared.carved {
+        log_carving(&carved.removed, scene.cloud.len());
+    }
+    let task = Task {
+        scene,
+        job,
+        prepared,
+        options,
+        stamp,
+        run,
+        stop,
+    };
     let Prepared {
-        frame,
-        carved,
         virtual_cameras,
         supervision,
         start,
-        warnings,
-    } = prepare(scene, config, &mut seconds)?;
-    for warning in &warnings {
-        eprintln!("warning: {warning}");
-    }
-    let cloud = carved.as_ref().map_or(&scene.cloud, |c| &c.cloud);
-    if let Some(carved) = &carved {
-        log_carving(&carved.removed, scene.cloud.len());
-    }
-    let config = &fitted(config, gpu, start.len())?;
-    eprintln!("{} Gaussians from {} points", start.len(), cloud.len());
+        ..
+    } = &task.prepared;
+    let n_points = task.cloud().len();
+    eprintln!("{} Gaussians from {n_points} points", start.len());
     write_virtual_sheet(run, &supervision.virtual_views)?;
+    let virtual_cameras = virtual_cameras.clone();
     let all = [cameras(&scene.train), cameras(&scene.test), virtual_cameras].concat();
     write_cameras(&run.cameras(), &all)?;
-
-    let mut clock = Clock::start();
-    let kernels = Kernels::new(gpu);
-    let mut log = Log {
-        progress: Progress::new(config.iterations),
-        curve: job.eval_every.map(|every| Curve {
-            every,
-            renderer: Renderer::new(gpu, &kernels),
-            views: &scene.test,
-            frame: &frame,
-            config,
-            options: EvalOptions {
-                lpips: None,
-                ..options.clone()
-            },
-            points: Vec::new(),
-            seconds: 0.0,
-        }),
-    };
-    let trained = train::train(gpu, &kernels, &start, &supervision, config, &mut log)?;
-    log.progress.finish();
-    let (mut curve, curve_s) = log
-        .curve
-        .map_or((Vec::new(), 0.0), |c| (c.points, c.seconds));
-    seconds.train = Some(clock.lap() - curve_s);
-    write_ply(&run.point_cloud(), &trained.gaussians, &frame)?;
-
-    clock.lap();
-    let device = (gpu, &kernels);
-    let seen = (scene.test.as_slice(), cloud);
-    let train_s = seconds.train;
-    let what = (run, options, stamp, scene.pose_protocol);
-    let evaluation = evaluate::measure(device, seen, &frame, config, what, train_s)?;
-    seconds.eval = Some(clock.lap() + curve_s);
-    if job.eval_every.is_some() {
-        curve.push(curve_point(config.iterations, &evaluation));
+    match task.attempt(gpu, seconds) {
+        Err(e) if e.kind() == ErrorKind::DeviceLost => {
+            eprintln!("warning: {e}; trying once more");
+            task.attempt(&Gpu::open()?, seconds)
+        }
+        outcome => outcome,
     }
+}
+
+/// All that training needs but the GPU.
+struct Task<'a> {
+    scene: &'a Scene,
+    job: &'a TrainJob,
+    prepared: Prepared,
+    options: &'a EvalOptions,
+    /// Of the scene's files when they were loaded.
+    stamp: Option<String>,
+    run: &'a RunDir,
+    stop: &'a Stop,
+}
+
+impl Task<'_> {
+    /// The cloud, as carved.
+    fn cloud(&self) -> &PointCloud {
+        let carved = self.prepared.carved.as_ref();
+        carved.map_or(&self.scene.cloud, |c| &c.cloud)
+    }
+
+    /// Trains, evaluates and writes the results; `seconds` are those of the stages before.
+    fn attempt(&self, gpu: &Gpu, mut seconds: Seconds) -> Result<Evaluation> {
+        let Task {
+            scene,
+            job,
+            prepared,
+            run,
+            ..
+        } = self;
+        let kernels = Kernels::new(gpu);
+        let (trained, log) = self.train(gpu, &kernels)?;
+        seconds.train = Some(log.train_s);
+        seconds.checkpoints = Some(log.keep_s);
+        write_ply(&run.point_cloud(), &trained.gaussians, &prepared.frame)?;
+
+        let mut clock = Clock::start();
+        let (config, frame) = (&job.config, &prepared.frame);
+        let device = (gpu, &kernels);
+        let seen = (scene.test.as_slice(), self.cloud());
+        let what = (*run, self.options, self.stamp.clone(), scene.pose_protocol);
+        let evaluation = evaluate::measure(device, seen, frame, config, what, seconds.train)?;
+        seconds.eval = Some(clock.lap() + log.curve_s);
+        let mut curve = log.curve;
+        if job.eval_every.is_some() {
+            curve.push(curve_point(config.iterations, &evaluation));
+        }
+        gpu.check()?;
+        run.write_metrics(&Metrics {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            adapter: gpu.describe(),
+            seed: config.seed,
+            iterations: config.iterations,
+            scene: SceneRecord {
+                carved_points: prepared.carved.as_ref().map(|c| c.removed.clone()),
+                ..record(scene, job)
+            },
+            seconds,
+            memory: Memory {
+                host_peak_bytes: peak_host_bytes(),
+                gpu_peak_bytes: Some(gpu.peak_bytes()),
+            },
+            loss: trained.samples,
+            model_size: model_sizes(prepared.start.len(), &trained.plans),
+            curve,
+        })?;
+        // Nothing is left to resume.
+        run.checkpoints().clear()?;
+        Ok(evaluation)
+    }
+
+    /// All iterations that are left.
+    fn train(&self, gpu: &Gpu, kernels: &Kernels) -> Result<(Trained, Log)> {
+        let Task {
+            scene,
+            job,
+            prepared,
+            run,
+            stop,
+            ..
+        } = self;
+        let config = &fitted(&job.config, gpu, prepared.start.len())?;
+        let identity = Identity::new(gpu, &job.config, scene, prepared)?;
+        let mut keeper = Keeper::new(run, stop, identity, job.checkpoint_every, config.iterations);
+        let (start, supervision) = (&prepared.start, &prepared.supervision);
+        let clock = Instant::now();
+        let mut trainer = Trainer::new(gpu, kernels, start, supervision, config)?;
+        let log = keeper.resume(&mut trainer)?;
+        let mut watch = Watch {
+            progress: Progress::new(config.iterations).from(trainer.state().done),
+            curve: job.eval_every.map(|every| Curve {
+                every,
+                renderer: Renderer::new(gpu, kernels),
+                views: &scene.test,
+                frame: &prepared.frame,
+                config,
+                options: EvalOptions {
+                    lpips: None,
+                    ..self.options.clone()
+                },
+            }),
+            keeper,
+            before_s: log.train_s + log.curve_s,
+            clock,
+            log,
+        };
+        let gentle = stop.gentle();
+        let trained = trainer.run(&mut watch);
+        drop(gentle);
+        watch.log.train_s = watch.train_s();
+        watch.progress.finish();
+        Ok((trained?, watch.log))
+    }
+}
+
+/// The scene before it is carved.
+fn record(scene: &Scene, job: &TrainJob) -> SceneRecord {
     let names = |views: &[View]| views.iter().map(|view| view.camera.name.clone()).collect();
-    run.write_metrics(&Metrics {
-        version: env!("CARGO_PKG_VERSION").to_owned(),
-        adapter: gpu.describe(),
-        seed: config.seed,
-        iterations: config.iterations,
-        scene: SceneRecord {
-            source: job.source.to_string(),
-            cloud: job.cloud.as_ref().map(ToString::to_string),
-            name: scene.name.clone(),
-            train_views: names(&scene.train),
-            test_views: names(&scene.test),
-            n_points: scene.cloud.len(),
-            carved_points: carved.map(|c| c.removed),
-            pose_protocol: scene.pose_protocol,
-        },
-        seconds,
-        memory: Memory {
-            host_peak_bytes: peak_host_bytes(),
-            gpu_peak_bytes: Some(gpu.peak_bytes()),
-        },
-        loss: trained.samples,
-        model_size: model_sizes(start.len(), &trained.plans),
-        curve,
-    })?;
-    Ok(evaluation)
+    SceneRecord {
+        source: job.source.to_string(),
+        cloud: job.cloud.as_ref().map(ToString::to_string),
+        name: scene.name.clone(),
+        train_views: names(&scene.train),
+        test_views: names(&scene.test),
+        n_points: scene.cloud.len(),
+        carved_points: None,
+        pose_protocol: scene.pose_protocol,
+    }
 }
 
 /// How many of `n_points` each round took.
@@ -184,7 +270,7 @@ fn write_virtual_sheet(run: &RunDir, views: &[TrainingView]) -> Result<()> {
     write_png(&run.virtual_sheet(), &sheet.finish())
 }
 
-fn model_sizes(start: usize, plans: &[train::PlanRecord]) -> Vec<ModelSize> {
+fn model_sizes(start: usize, plans: &[PlanRecord]) -> Vec<ModelSize> {
     let first = ModelSize {
         iteration: 0,
         n_gaussians: start,
@@ -196,71 +282,4 @@ fn model_sizes(start: usize, plans: &[train::PlanRecord]) -> Vec<ModelSize> {
         plan: Some(plan.counts),
     });
     std::iter::once(first).chain(rest).collect()
-}
-
-/// Shows the training's progress, and measures on the way where a curve is asked for.
-struct Log<'a> {
-    progress: Progress,
-    curve: Option<Curve<'a>>,
-}
-
-/// Errors at the test views every so many iterations. The last iteration's are those of the
-/// written model, which are measured anyway.
-struct Curve<'a> {
-    every: u32,
-    renderer: Renderer<'a>,
-    views: &'a [View],
-    frame: &'a Frame,
-    config: &'a Config,
-    /// Without LPIPS, which takes longer than many iterations.
-    options: EvalOptions,
-    points: Vec<CurvePoint>,
-    /// Time spent here, which is not training's.
-    seconds: f64,
-}
-
-fn curve_point(iteration: u32, evaluation: &Evaluation) -> CurvePoint {
-    CurvePoint {
-        iteration,
-        n_gaussians: evaluation.n_gaussians,
-        psnr: evaluation.mean.psnr,
-        ssim: evaluation.mean.ssim,
-    }
-}
-
-impl Observer for Log<'_> {
-    fn inspects(&self, done: u32) -> bool {
-        let due = |c: &Curve| done.is_multiple_of(c.every) && done < c.config.iterations;
-        self.curve.as_ref().is_some_and(due)
-    }
-
-    fn inspect(&mut self, done: u32, model: &Model) -> Result<()> {
-        let Some(curve) = &mut self.curve else {
-            return Ok(());
-        };
-        let start = Instant::now();
-        let (views, config) = (curve.views, &curve.config.model);
-        let mut scores = Vec::with_capacity(views.len());
-        let renderer = &mut curve.renderer;
-        eval::render_model(
-            renderer,
-            model,
-            curve.frame,
-            views,
-            config,
-            |view, render| {
-                scores.push(eval::score(render, view, &curve.options)?);
-                Ok(())
-            },
-        )?;
-        let evaluation = Evaluation::new(scores, model.n, None);
-        curve.points.push(curve_point(done, &evaluation));
-        curve.seconds += start.elapsed().as_secs_f64();
-        Ok(())
-    }
-
-    fn look(&mut self, sample: &LossSample, n_gaussians: usize) {
-        self.progress
-            .update(sample.iteration, sample.loss, n_gaussians);
-    }
 }

@@ -5,7 +5,7 @@ use super::model::Model;
 use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use super::workspace::{Workspace, n_chunks, n_partials};
 use crate::gpu::constants::{RADIX_BITS, SCAN_CHUNK, TOTAL_DIGITS, TOTAL_PAIRS};
-use crate::gpu::{Commands, Gpu};
+use crate::gpu::{Commands, Gpu, shader_count};
 
 /// One view being recorded: the kernels, buffers and bind groups that its stages need.
 pub struct Pass<'a> {
@@ -31,8 +31,8 @@ impl<'a> Pass<'a> {
         (sh_degree, step): (u32, u32),
     ) -> Pass<'a> {
         let capacity = workspace.capacity;
-        let (n, pairs) = (model.n as u32, capacity.pairs as u32);
-        view.counts = [n, model.stride as u32, 0, 0];
+        let (n, pairs) = (shader_count(model.n), shader_count(capacity.pairs));
+        view.counts = [n, shader_count(model.stride), 0, 0];
         view.planes[2] = slot as u32;
         let uniforms = &workspace.slots[slot];
         uniforms.view.write(gpu, &[view]);
@@ -45,7 +45,7 @@ impl<'a> Pass<'a> {
         uniforms
             .scan_pairs
             .write(gpu, &[scan(n, TOTAL_PAIRS, pairs)]);
-        let n_digits = (n_chunks(model.n) << RADIX_BITS) as u32;
+        let n_digits = shader_count(n_chunks(model.n) << RADIX_BITS);
         let digits = |n| scan(n, TOTAL_DIGITS, 0);
         uniforms.scan_splat_digits.write(gpu, &[digits(n_digits)]);
         uniforms.scan_pair_digits.write(gpu, &[digits(0)]);
@@ -179,7 +179,7 @@ impl<'a> Pass<'a> {
         let (width_4, _) = self.view.padded_size();
         let rows = u64::from(self.view.size[1]) * width_4 as u64;
         let strips = n_partials(self.view.plane_len());
-        loss.n_partials = strips as u32;
+        loss.n_partials = shader_count(strips);
         loss.slot = self.slot as u32;
         self.workspace.slots[self.slot]
             .loss

@@ -72,7 +72,8 @@ impl ViewUniform {
                 camera.height.div_ceil(TILE_H),
             ],
             counts: [0; 4],
-            planes: [width_4 * padded_height, width_4, 0, 0],
+            // An image too large for its index is too large for every buffer, too.
+            planes: [width_4.saturating_mul(padded_height), width_4, 0, 0],
         }
     }
 
@@ -106,7 +107,8 @@ fn padded(width: u32, height: u32) -> (u32, u32) {
     } else {
         TILE_H * SSIM_ROWS
     };
-    (width.div_ceil(4), height.next_multiple_of(rows))
+    let padded_height = height.checked_next_multiple_of(rows);
+    (width.div_ceil(4), padded_height.unwrap_or(u32::MAX))
 }
 
 /// One image loss; `Loss` in WGSL.

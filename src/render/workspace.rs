@@ -7,7 +7,7 @@ use crate::gpu::constants::{
     DEPTH_BITS, N_TOTALS, RADIX_BITS, RADIX_CHUNK, SCAN_CHUNK, SSIM_ROWS, TOTAL_MAX,
     TOTAL_OVERFLOW, TOTAL_PAIRS, WORKGROUP,
 };
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::{Buffer, Gpu, shader_count};
 
 /// What a workspace has room for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -151,7 +151,7 @@ impl Workspace {
                 .map(|i| {
                     let shift = i * RADIX_BITS;
                     let pass = RadixUniform {
-                        n: pairs as u32,
+                        n: shader_count(pairs),
                         pairs: 1,
                         shift,
                         pad: 0,

@@ -54,6 +54,16 @@ pub struct SceneRecord {
     pub pose_protocol: PoseProtocol,
 }
 
+/// What an unfinished run is asked for beyond its config.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JobRecord {
+    pub scene: SceneRecord,
+    /// Iterations between two points of the curve, where there is one.
+    pub eval_every: Option<u32>,
+    /// Iterations between two checkpoints, where stated.
+    pub checkpoint_every: Option<u32>,
+}
+
 /// Wall-clock seconds of each stage; null where a stage was not run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Seconds {
@@ -63,6 +73,8 @@ pub struct Seconds {
     pub sample: Option<f64>,
     pub splat: Option<f64>,
     pub train: Option<f64>,
+    /// Part of `train`.
+    pub checkpoints: Option<f64>,
     pub eval: Option<f64>,
 }
 

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use super::plan::{Options, Variant};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::eval::EvalOptions;
 use crate::pipeline::{self, TrainJob};
-use crate::run::{Evaluation, Metrics, RunDir};
+use crate::run::{Evaluation, Metrics, RunDir, SceneRecord};
 use crate::stats::Figure;
 
 /// A run to have.
@@ -79,15 +79,22 @@ impl Planned {
 
     /// What of a finished run is not as planned.
     fn difference(&self, metrics: &Metrics) -> Option<String> {
+        if metrics.version != env!("CARGO_PKG_VERSION") {
+            Some(format!("it is of version {}", metrics.version))
+        } else if self.job.eval_every.is_some() && metrics.curve.is_empty() {
+            Some("it has no curve".to_owned())
+        } else {
+            self.scene_difference(&metrics.scene)
+        }
+    }
+
+    fn scene_difference(&self, there: &SceneRecord) -> Option<String> {
         let job = &self.job;
-        let there = &metrics.scene;
         let cloud = job.cloud.as_ref().map(ToString::to_string);
         let other = |names: &Option<Vec<String>>, there: &Vec<String>| {
             names.as_ref().is_some_and(|names| names != there)
         };
-        if metrics.version != env!("CARGO_PKG_VERSION") {
-            Some(format!("it is of version {}", metrics.version))
-        } else if there.source != job.source.to_string() {
+        if there.source != job.source.to_string() {
             Some(format!("its scene is {}", there.source))
         } else if there.cloud != cloud {
             let cloud = there.cloud.as_deref();
@@ -99,16 +106,25 @@ impl Planned {
             Some("it has other training views".to_owned())
         } else if other(&job.test_views, &there.test_views) {
             Some("it has other test views".to_owned())
-        } else if job.eval_every.is_some() && metrics.curve.is_empty() {
-            Some("it has no curve".to_owned())
         } else {
             None
         }
     }
 
+    /// Whether an interruption has left something of this run to go on from.
+    fn is_begun(&self) -> bool {
+        let begun = RunDir::open(&self.root).and_then(|run| run.job());
+        begun.is_ok_and(|begun| {
+            begun.eval_every == self.job.eval_every && self.scene_difference(&begun.scene).is_none()
+        })
+    }
+
     /// Does what is left to do, and reads what there is then.
     fn finish(&self, state: State, measure: &EvalOptions) -> Result<Finished> {
         match state {
+            State::ToTrain if self.is_begun() => {
+                TrainJob::resume(&self.root, None, measure)?;
+            }
             State::ToTrain => {
                 // Only what an interruption left is replaced.
                 let overwrite = self.root.join("config.json").exists();
@@ -219,7 +235,7 @@ impl Scope<'_> {
 ///
 /// # Errors
 /// Before anything is trained: a directory that holds another run. After all that can be is
-/// done: runs that failed.
+/// done: runs that failed. A stop that was asked for.
 pub fn carry_out(plan: &[Planned], measure: &EvalOptions) -> Result<Results> {
     let states = plan
         .iter()
@@ -235,6 +251,10 @@ pub fn carry_out(plan: &[Planned], measure: &EvalOptions) -> Result<Results> {
         }
         match planned.finish(state, measure) {
             Ok(run) => runs.push(run),
+            Err(e) if e.kind() == ErrorKind::Interrupted => {
+                let e = e.at(format!("run {}", planned.name));
+                return Err(e.way_out("the same command goes on there"));
+            }
             Err(e) => {
                 eprintln!("run {} failed: {e}", planned.name);
                 failures.push((planned, e));

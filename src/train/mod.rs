@@ -1,11 +1,14 @@
 //! Training: one real and one virtual view an iteration, Adam, densification.
 //!
 //! [`schedule`] says what an iteration does, [`optimizer`] steps the parameters on the GPU,
-//! [`policy`] decides on the CPU which Gaussians come and go, [`trainer`] runs the loop.
+//! [`policy`] decides on the CPU which Gaussians come and go, [`trainer`] runs the loop, and
+//! [`checkpoint`] takes it apart and puts it together again between two iterations.
 
+pub mod checkpoint;
 pub mod optimizer;
 pub mod policy;
 pub mod schedule;
 pub mod trainer;
 
+pub use checkpoint::{State, fingerprint};
 pub use trainer::{Observer, PlanRecord, Supervision, Trained, Trainer, TrainingView, train};

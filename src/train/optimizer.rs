@@ -7,7 +7,7 @@ use super::schedule;
 use crate::config::Config;
 use crate::error::Result;
 use crate::gpu::shader::{self, Sources};
-use crate::gpu::{Buffer, Commands, Gpu, Kernel};
+use crate::gpu::{Buffer, Commands, Gpu, Kernel, shader_count};
 use crate::render::{BLOCK_PLANES, Model, Workspace, most_gaussians, n_blocks};
 
 /// The kernels of this stage.
@@ -108,6 +108,10 @@ pub struct Optimizer {
 }
 
 impl Optimizer {
+    /// Starts from `model`.
+    ///
+    /// # Errors
+    /// More Gaussians than the adapter can hold.
     pub fn new(gpu: &Gpu, model: Model) -> Result<Optimizer> {
         let zeros = || Model::zeros(gpu, model.n, model.stride, model.sh_degree);
         Ok(Optimizer {
@@ -117,6 +121,16 @@ impl Optimizer {
             step: Buffer::uniform::<StepUniform>(gpu, "step"),
             model,
         })
+    }
+
+    /// Everything that a step changes: the blocks of the parameters, of the first and of the second
+    /// moment, and the statistics.
+    pub fn buffers(&self) -> Vec<&Buffer> {
+        let models = [&self.model, &self.first_moment, &self.second_moment];
+        let blocks = models
+            .into_iter()
+            .flat_map(|m| &m.blocks[..n_blocks(m.sh_degree)]);
+        blocks.chain([&self.statistics]).collect()
     }
 
     /// Bind groups of the Adam dispatches for the gradients in `workspace`, by active SH degree
@@ -170,7 +184,12 @@ impl Optimizer {
         commands: &mut Commands<'_>,
         (mut step, sh_degree): (StepUniform, u32),
     ) {
-        step.counts = [self.model.n as u32, self.model.stride as u32, 0, 0];
+        step.counts = [
+            shader_count(self.model.n),
+            shader_count(self.model.stride),
+            0,
+            0,
+        ];
         self.step.write(gpu, &[step]);
         let n = self.model.n as u64;
         let degree = sh_degree as usize;
@@ -183,7 +202,7 @@ impl Optimizer {
     pub fn reset_opacity(&self, gpu: &Gpu, kernels: &OptimizerKernels, opacity: f64) {
         let logit = (opacity / (1.0 - opacity)).ln() as f32;
         let ceiling = Buffer::uniform_from(gpu, "ceiling", &[logit, 0.0, 0.0, 0.0]);
-        let counts = Buffer::uniform_from(gpu, "counts", &[self.model.n as u32, 0, 0, 0]);
+        let counts = Buffer::uniform_from(gpu, "counts", &[shader_count(self.model.n), 0, 0, 0]);
         let group = kernels.reset_opacity.bind(
             gpu,
             &[
@@ -240,9 +259,9 @@ impl Optimizer {
                     (false, _) => KIND_SH,
                 };
                 let uniform = RearrangeUniform {
-                    n: n as u32,
-                    old_stride: old.stride as u32,
-                    new_stride: stride as u32,
+                    n: shader_count(n),
+                    old_stride: shader_count(old.stride),
+                    new_stride: shader_count(stride),
                     n_planes: *n_planes as u32,
                     kind,
                     pad: [0; 3],

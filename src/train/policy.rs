@@ -10,12 +10,14 @@ use rayon::prelude::*;
 use super::schedule;
 use crate::config::Config;
 use crate::field::Coverage;
+use crate::gpu::shader_count;
 use crate::run::PlanCounts;
 
 /// Random stream of the split positions, apart from those of other consumers of the seed.
 const STREAM: u64 = 0x7370_6c69_7400_0000;
 
-/// Marks a planned Gaussian that is new and starts without Adam moments.
+/// Marks a planned Gaussian that is new and starts without Adam moments. No index reaches it: a
+/// Gaussian takes at least 48 bytes of a buffer of less than 2^32.
 pub const NEW: u32 = 1 << 31;
 
 /// 3DGS: each half of a split Gaussian is smaller by 0.8 times their number.
@@ -211,7 +213,7 @@ fn carry_out(gathered: &Gathered, fates: &[(Fate, f64)], seed: u64, done: u32) -
 
 impl Plan {
     fn push(&mut self, source: usize, flag: u32, offset: DVec3, scale_change: f64) {
-        self.sources.push(source as u32 | flag);
+        self.sources.push(shader_count(source) | flag);
         let offset = offset.as_vec3();
         self.changes
             .push([offset.x, offset.y, offset.z, scale_change as f32]);

@@ -1,5 +1,7 @@
 //! The training loop.
 
+use serde::{Deserialize, Serialize};
+
 use super::optimizer::{Optimizer, OptimizerKernels, StepUniform};
 use super::policy;
 use super::schedule::{self, ViewOrder};
@@ -65,10 +67,23 @@ pub trait Observer {
     fn inspect(&mut self, _done: u32, _model: &Model) -> Result<()> {
         Ok(())
     }
+
+    /// Whether [`Observer::keep`] is to be called after `done` iterations.
+    fn keeps(&self, _done: u32) -> bool {
+        false
+    }
+
+    /// Shown the run between two iterations.
+    ///
+    /// # Errors
+    /// End the training.
+    fn keep(&mut self, _trainer: &Trainer<'_>) -> Result<()> {
+        Ok(())
+    }
 }
 
 /// A change of the set of Gaussians.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PlanRecord {
     /// Number of finished iterations.
     pub iteration: u32,
@@ -102,7 +117,7 @@ pub fn train(
 
 /// A training run in progress.
 pub struct Trainer<'a> {
-    gpu: &'a Gpu,
+    pub(super) gpu: &'a Gpu,
     kernels: &'a Kernels,
     optimizer_kernels: OptimizerKernels,
     supervision: &'a Supervision,
@@ -111,12 +126,14 @@ pub struct Trainer<'a> {
     virtual_views: Vec<ViewUniform>,
     real_order: ViewOrder,
     virtual_order: ViewOrder,
-    optimizer: Optimizer,
+    pub(super) optimizer: Optimizer,
     workspace: Workspace,
     bound: Bound,
     adam: Vec<Vec<wgpu::BindGroup>>,
-    samples: Vec<LossSample>,
-    plans: Vec<PlanRecord>,
+    /// Number of finished iterations, where the run starts or has last been kept.
+    pub(super) done: u32,
+    pub(super) samples: Vec<LossSample>,
+    pub(super) plans: Vec<PlanRecord>,
 }
 
 impl<'a> Trainer<'a> {
@@ -165,6 +182,7 @@ impl<'a> Trainer<'a> {
             workspace,
             bound,
             adam,
+            done: 0,
             samples: Vec::new(),
             plans: Vec::new(),
         })
@@ -184,14 +202,14 @@ impl<'a> Trainer<'a> {
         self.grow(pairs)
     }
 
-    /// All iterations, from the first.
+    /// All iterations that are left, from the first or from where the run was restored.
     ///
     /// # Errors
     /// A request that the adapter cannot hold, or a GPU fault.
     pub fn run(&mut self, observer: &mut dyn Observer) -> Result<Trained> {
         let config = self.config;
-        let mut done = 0;
-        if observer.inspects(done) {
+        let mut done = self.done;
+        if done == 0 && observer.inspects(done) {
             observer.inspect(done, &self.optimizer.model)?;
         }
         while done < config.iterations {
@@ -203,7 +221,8 @@ impl<'a> Trainer<'a> {
             let samples =
                 changes || done.is_multiple_of(LOOK_INTERVAL) || done == config.iterations;
             let inspects = observer.inspects(done);
-            if !(samples || inspects) {
+            let keeps = observer.keeps(done);
+            if !(samples || inspects || keeps) {
                 continue;
             }
             if let Some(skipped) = self.make_room()? {
@@ -220,6 +239,10 @@ impl<'a> Trainer<'a> {
             }
             if changes {
                 self.change(done)?;
+            }
+            if keeps {
+                self.done = done;
+                observer.keep(self)?;
             }
         }
         self.gpu.wait()?;
@@ -341,16 +364,21 @@ impl<'a> Trainer<'a> {
                 n_gaussians: n,
                 counts,
             });
-            if self.optimizer.model.stride > self.workspace.capacity.stride {
-                self.grow(0)?;
-            } else {
-                self.rebind();
-            }
+            self.fit_model()?;
         }
         if schedule::resets_opacity(config, done) {
             self.optimizer
                 .reset_opacity(self.gpu, &self.optimizer_kernels, RESET_OPACITY);
         }
+        Ok(())
+    }
+
+    /// Follows a model that has changed.
+    pub(super) fn fit_model(&mut self) -> Result<()> {
+        if self.optimizer.model.stride > self.workspace.capacity.stride {
+            return self.grow(0);
+        }
+        self.rebind();
         Ok(())
     }
 

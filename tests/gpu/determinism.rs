@@ -8,7 +8,7 @@ use gspotential::eval::EvalOptions;
 use gspotential::gaussians::Gaussians;
 use gspotential::gpu::Gpu;
 use gspotential::pipeline::{self, Prepared, TrainJob, prepare};
-use gspotential::run::{Evaluation, LossSample, Metrics, RunDir, Seconds};
+use gspotential::run::{Evaluation, LossSample, Metrics, RunDir, Seconds, Stop};
 use gspotential::scene::builtin::{BuiltinOptions, scene};
 use gspotential::scene::{Scene, SceneSource};
 use gspotential::train::{Observer, Trained, Trainer};
@@ -58,7 +58,8 @@ fn run(scene: &Scene, root: &Path, eval_every: Option<u32>) -> (Vec<u8>, String,
         ..TrainJob::new(source, config()).expect("a job")
     };
     let gpu = Gpu::open().expect("an adapter");
-    pipeline::train(&gpu, scene, &job, 0.0, &EvalOptions::default(), &run).expect("trains");
+    let (options, stop) = (EvalOptions::default(), Stop::unheard());
+    pipeline::train(&gpu, scene, &job, 0.0, &options, &run, &stop).expect("trains");
     let mut metrics = run.metrics().expect("written");
     metrics.seconds = Seconds::default();
     metrics.memory = Default::default();

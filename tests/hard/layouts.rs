@@ -7,7 +7,7 @@ use gspotential::config::Config;
 use gspotential::eval::EvalOptions;
 use gspotential::field::{Field, Focus};
 use gspotential::pipeline::{self, Prepared, TrainJob, prepare};
-use gspotential::run::{RunDir, Seconds};
+use gspotential::run::{RunDir, Seconds, Stop};
 use gspotential::scene::builtin::{BuiltinOptions, render, scene};
 use gspotential::scene::{Scene, SceneSource, View};
 use gspotential::splat::splat_views;
@@ -247,8 +247,9 @@ fn a_test_view_that_is_a_training_view_is_evaluated_like_any_other() {
     let _alone = context();
     let job = TrainJob::new(source, config(60)).expect("a job");
     let gpu = gspotential::gpu::Gpu::open().expect("an adapter");
+    let (options, stop) = (EvalOptions::default(), Stop::unheard());
     let evaluation =
-        pipeline::train(&gpu, &scene, &job, 0.0, &EvalOptions::default(), &run).expect("trains");
+        pipeline::train(&gpu, &scene, &job, 0.0, &options, &run, &stop).expect("trains");
     let psnr: Vec<f64> = evaluation.views.iter().filter_map(|v| v.psnr).collect();
     assert_eq!(psnr.len(), 2);
     assert!(psnr[1] > psnr[0], "{psnr:?}");

@@ -1,0 +1,101 @@
+//! What is done beside training while it goes on: progress, checkpoints, the curve.
+
+use std::time::Instant;
+
+use super::keep::{Keeper, Log};
+use crate::camera::Frame;
+use crate::config::Config;
+use crate::error::Result;
+use crate::eval::{self, EvalOptions};
+use crate::progress::Progress;
+use crate::render::{Model, Renderer};
+use crate::run::{CurvePoint, Evaluation, LossSample};
+use crate::scene::View;
+use crate::train::{Observer, Trainer};
+
+/// Shows the training's progress, keeps its state, and measures on the way where a curve is asked
+/// for.
+pub(super) struct Watch<'a> {
+    pub(super) progress: Progress,
+    pub(super) curve: Option<Curve<'a>>,
+    pub(super) keeper: Keeper<'a>,
+    /// Training and curve before `clock`.
+    pub(super) before_s: f64,
+    pub(super) clock: Instant,
+    pub(super) log: Log,
+}
+
+impl Watch<'_> {
+    /// Seconds of training alone so far.
+    pub(super) fn train_s(&self) -> f64 {
+        self.before_s + self.clock.elapsed().as_secs_f64() - self.log.curve_s
+    }
+}
+
+/// Errors at the test views every so many iterations. The last iteration's are those of the
+/// written model, which are measured anyway.
+pub(super) struct Curve<'a> {
+    pub(super) every: u32,
+    pub(super) renderer: Renderer<'a>,
+    pub(super) views: &'a [View],
+    pub(super) frame: &'a Frame,
+    pub(super) config: &'a Config,
+    /// Without LPIPS, which takes longer than many iterations.
+    pub(super) options: EvalOptions,
+}
+
+/// An evaluation as a point of the curve.
+pub(super) fn curve_point(iteration: u32, evaluation: &Evaluation) -> CurvePoint {
+    CurvePoint {
+        iteration,
+        n_gaussians: evaluation.n_gaussians,
+        psnr: evaluation.mean.psnr,
+        ssim: evaluation.mean.ssim,
+    }
+}
+
+impl Observer for Watch<'_> {
+    fn inspects(&self, done: u32) -> bool {
+        let due = |c: &Curve| done.is_multiple_of(c.every) && done < c.config.iterations;
+        self.curve.as_ref().is_some_and(due)
+    }
+
+    fn inspect(&mut self, done: u32, model: &Model) -> Result<()> {
+        let Some(curve) = &mut self.curve else {
+            return Ok(());
+        };
+        let start = Instant::now();
+        let (views, config) = (curve.views, &curve.config.model);
+        let mut scores = Vec::with_capacity(views.len());
+        let renderer = &mut curve.renderer;
+        eval::render_model(
+            renderer,
+            model,
+            curve.frame,
+            views,
+            config,
+            |view, render| {
+                scores.push(eval::score(render, view, &curve.options)?);
+                Ok(())
+            },
+        )?;
+        let evaluation = Evaluation::new(scores, model.n, None);
+        self.log.curve.push(curve_point(done, &evaluation));
+        self.log.curve_s += start.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    fn look(&mut self, sample: &LossSample, n_gaussians: usize) {
+        self.progress
+            .update(sample.iteration, sample.loss, n_gaussians);
+    }
+
+    fn keeps(&self, done: u32) -> bool {
+        self.keeper.is_due(done)
+    }
+
+    fn keep(&mut self, trainer: &Trainer<'_>) -> Result<()> {
+        self.log.train_s = self.train_s();
+        self.keeper.keep(trainer, &mut self.log)
+    }
+}

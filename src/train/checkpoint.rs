@@ -1,0 +1,141 @@
+//! The state of a training run between two iterations.
+//!
+//! Whatever else an iteration does follows from its number, the config and the supervision:
+//! view orders, learning rates and random numbers are functions of it ([`super::schedule`],
+//! [`super::policy`]). So a run that goes on from a state is, bit for bit, the one that was not
+//! interrupted.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::optimizer::Optimizer;
+use super::trainer::{PlanRecord, Supervision, Trainer, TrainingView};
+use crate::error::{Error, Result};
+use crate::gaussians::Gaussians;
+use crate::render::{BLOCK_PLANES, Model, most_gaussians, n_blocks};
+use crate::run::LossSample;
+
+/// A state but for the optimizer's buffers, which are large.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// Number of finished iterations.
+    pub done: u32,
+    pub n_gaussians: usize,
+    /// Entries a plane of the buffers.
+    pub stride: usize,
+    pub sh_degree: u32,
+    pub samples: Vec<LossSample>,
+    pub plans: Vec<PlanRecord>,
+}
+
+impl State {
+    /// `vec4f`s of each buffer: the blocks of the parameters, of both moments, the statistics.
+    fn buffer_lens(&self) -> Vec<usize> {
+        let planes = &BLOCK_PLANES[..n_blocks(self.sh_degree)];
+        let planes = [planes, planes, planes, &[1]].concat();
+        planes.iter().map(|planes| planes * self.stride).collect()
+    }
+}
+
+impl Trainer<'_> {
+    /// The state now.
+    pub fn state(&self) -> State {
+        let model = &self.optimizer.model;
+        State {
+            done: self.done,
+            n_gaussians: model.n,
+            stride: model.stride,
+            sh_degree: model.sh_degree,
+            samples: self.samples.clone(),
+            plans: self.plans.clone(),
+        }
+    }
+
+    /// The optimizer's buffers as bytes, each read from the GPU when it is its turn.
+    ///
+    /// # Errors
+    /// Of an item: a GPU fault.
+    pub fn buffers(&self) -> impl Iterator<Item = Result<Vec<u8>>> {
+        let lens = self.state().buffer_lens();
+        let buffers = self.optimizer.buffers().into_iter().zip(lens);
+        buffers.map(|(buffer, len)| buffer.read(self.gpu, 16 * len))
+    }
+
+    /// Goes back or on to a state of this run; `buffers` are those of [`Trainer::buffers`] in a
+    /// row.
+    ///
+    /// # Errors
+    /// A state of another model, not its number of bytes, or more than the adapter can hold.
+    pub fn restore(&mut self, state: State, buffers: &[u8]) -> Result<()> {
+        let fits = state.n_gaussians <= state.stride
+            && state.stride <= most_gaussians(self.gpu, state.sh_degree)
+            && state.sh_degree == self.optimizer.model.sh_degree;
+        let lens = if fits {
+            state.buffer_lens()
+        } else {
+            Vec::new()
+        };
+        let expected = 16 * lens.iter().sum::<usize>();
+        if !fits || buffers.len() != expected {
+            return Err(Error::new(format!(
+                "{} bytes are no state of {} Gaussians of SH degree {} that the adapter holds",
+                buffers.len(),
+                state.n_gaussians,
+                state.sh_degree,
+            )));
+        }
+        let (n, stride) = (state.n_gaussians, state.stride);
+        let model = Model::zeros(self.gpu, n, stride, state.sh_degree)?;
+        self.optimizer = Optimizer::new(self.gpu, model)?;
+        let mut rest = buffers;
+        for (buffer, len) in self.optimizer.buffers().into_iter().zip(lens) {
+            let (bytes, after) = rest.split_at(16 * len);
+            buffer.write(self.gpu, bytes);
+            rest = after;
+        }
+        self.done = state.done;
+        self.samples = state.samples;
+        self.plans = state.plans;
+        self.fit_model()
+    }
+}
+
+/// A CRC-32 of everything that a run learns from, by name.
+pub fn fingerprint(supervision: &Supervision, start: &Gaussians) -> BTreeMap<String, u32> {
+    let mut parts = BTreeMap::new();
+    for view in supervision.real.iter().chain(&supervision.virtual_views) {
+        let name = &view.camera.name;
+        parts.insert(
+            format!("image of `{name}`"),
+            sum(&[bytemuck::cast_slice(&view.goal)]),
+        );
+        parts.insert(format!("camera of `{name}`"), camera_sum(view));
+    }
+    let cloud = [
+        bytemuck::cast_slice(&start.means),
+        bytemuck::cast_slice(&start.scales_log),
+        bytemuck::cast_slice(&start.rotations_wxyz),
+        bytemuck::cast_slice(&start.opacity_logits),
+        bytemuck::cast_slice(&start.sh),
+    ];
+    parts.insert("point cloud".to_owned(), sum(&cloud));
+    parts
+}
+
+fn camera_sum(view: &TrainingView) -> u32 {
+    let camera = &view.camera;
+    let intrinsics = [camera.fx, camera.fy, camera.cx, camera.cy, view.weight];
+    sum(&[
+        bytemuck::bytes_of(&[camera.width, camera.height]),
+        bytemuck::bytes_of(&intrinsics),
+        bytemuck::bytes_of(&camera.rotation.to_cols_array()),
+        bytemuck::bytes_of(&camera.translation.to_array()),
+    ])
+}
+
+fn sum(parts: &[&[u8]]) -> u32 {
+    let mut sum = crc32fast::Hasher::new();
+    parts.iter().for_each(|part| sum.update(part));
+    sum.finalize()
+}
