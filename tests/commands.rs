@@ -52,6 +52,7 @@ fn a_run_holds_what_the_readme_says_and_can_be_evaluated_and_rendered() {
     assert_eq!(
         file_names(&at(root)),
         [
+            ".lock",
             "cameras.json",
             "config.json",
             "eval.json",

@@ -49,7 +49,9 @@ fn existing_run_is_refused_unless_overwritten() {
     for name in ["eval.json", "point_cloud.ply", "test/old.png", "notes.txt"] {
         fs::write(root.join(name), "old").unwrap();
     }
-    RunDir::create(root, &config(), true).unwrap();
+    // Two at work on one folder are refused.
+    drop(run);
+    let run = RunDir::create(root, &config(), true).unwrap();
     assert!(!root.join("eval.json").exists() && !run.point_cloud().exists());
     assert!(!root.join("test/old.png").exists());
     assert_eq!(fs::read_to_string(root.join("notes.txt")).unwrap(), "old");
