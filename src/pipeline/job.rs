@@ -144,7 +144,7 @@ impl TrainJob {
         let (scene, load_s) = timed(|| job.load_again())?;
         let stop = Stop::on_signals()?;
         let evaluation = train(&gpu, &scene, &job, load_s, options, &run, &stop)?;
-        Ok(Resumed::Trained(run, evaluation))
+        Ok(Resumed::Trained(run, Box::new(evaluation)))
     }
 }
 
@@ -157,7 +157,7 @@ pub(super) fn cloud_of(record: &SceneRecord) -> Result<Option<CloudSource>> {
 pub enum Resumed {
     /// Nothing.
     WasFinished(RunDir),
-    Trained(RunDir, Evaluation),
+    Trained(RunDir, Box<Evaluation>),
 }
 
 fn open_gpu() -> Result<Gpu> {

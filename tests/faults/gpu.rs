@@ -66,9 +66,7 @@ fn memory_that_runs_out_is_named_with_sizes_and_the_run_goes_on_from_its_checkpo
     let _alone = context();
     let folder = tempfile::tempdir().expect("a folder");
     let root = folder.path().join("run");
-    let error = train_with(&root, |gpu| gpu.limit_memory(1 << 20))
-        .err()
-        .expect("a fault");
+    let error = train_with(&root, |gpu| gpu.limit_memory(1 << 20)).expect_err("a fault");
     let text = error.to_string();
     assert_eq!(error.exit_code(), 1);
     for part in [
