@@ -1,7 +1,7 @@
 //! Sparse-view 3D Gaussian Splatting guided by a camera potential field.
 //!
 //! Data flows one way: [`scene`] -> [`field`] -> [`views`] -> [`splat`] -> [`render`] ->
-//! [`train`] -> [`eval`] -> [`report`]; [`gpu`], [`config`], [`camera`], [`gaussians`],
+//! [`train`] -> [`eval`] -> [`report`]; [`gpu`], [`config`], [`camera`], [`compass`], [`gaussians`],
 //! [`progress`], [`run`] and [`error`] lie beneath. [`metrics`] measures images for [`eval`],
 //! [`pipeline`] calls the stages in a row, and [`cli`] is the commands on top.
 //!
@@ -12,6 +12,7 @@
 pub mod camera;
 pub mod cameras_json;
 pub mod cli;
+pub mod compass;
 pub mod config;
 pub mod error;
 pub mod eval;

@@ -1,20 +1,22 @@
-//! What a run shows: image files, contact sheets, tables and plots.
+//! What a run shows: image files, contact sheets, tables, plots and its page.
 
+mod page;
 pub mod plot;
 mod sheet;
 mod table;
 
+pub use page::{SceneRuns, write_comparison, write_run_page};
 pub use sheet::{ContactSheet, mask_image};
-pub use table::{Table, evaluation_table};
+pub use table::{Table, evaluation_table, view_table};
 
 use std::io::Cursor;
 use std::path::Path;
 
 use image::codecs::openexr::OpenExrEncoder;
 use image::codecs::png::PngEncoder;
-use image::{ExtendedColorType, ImageEncoder};
+use image::{ExtendedColorType, ImageEncoder, ImageFormat};
 
-use crate::error::{Error, Result, write_file};
+use crate::error::{Error, Result, read_file, write_file};
 use crate::scene::Image;
 
 /// Writes an 8-bit RGB PNG.
@@ -30,6 +32,18 @@ pub fn write_png(path: &Path, image: &Image) -> Result<()> {
         )
         .map_err(|e| Error::new(format!("cannot encode as PNG: {e}")).at_path(path))?;
     write_file(path, &bytes)
+}
+
+/// Reads a PNG as 8-bit RGB.
+pub fn read_png(path: &Path) -> Result<Image> {
+    let picture = image::load_from_memory_with_format(&read_file(path)?, ImageFormat::Png)
+        .map_err(|e| Error::new(format!("cannot be read as PNG: {e}")).at_path(path))?
+        .into_rgb8();
+    Ok(Image {
+        width: picture.width(),
+        height: picture.height(),
+        rgb: picture.into_raw(),
+    })
 }
 
 /// Writes 32-bit float RGB as OpenEXR, unclamped. `rgb`: `height * width * 3` values.

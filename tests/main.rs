@@ -5,6 +5,7 @@ mod builtin;
 mod cameras_json;
 mod cli;
 mod commands;
+mod compass;
 mod config;
 mod field;
 mod gaussians;

@@ -1,5 +1,7 @@
 //! Evaluation of a run at its scene's test views.
 
+use std::path::Path;
+
 use super::{focus_of, load_scene};
 use crate::camera::Frame;
 use crate::config::Config;
@@ -8,12 +10,12 @@ use crate::eval;
 use crate::gaussians::ply::read_ply;
 use crate::gpu::Gpu;
 use crate::render::Kernels;
-use crate::report::{ContactSheet, write_png};
+use crate::report::{ContactSheet, SceneRuns, write_comparison, write_png, write_run_page};
 use crate::run::{Evaluation, Metrics, RunDir, file_names};
 use crate::scene::{LoadOptions, Scene, SceneSource, View};
 
 /// Renders the test views of a run from its model and measures them; writes `eval.json` and
-/// `test/` anew.
+/// `test/` and `report.html` anew.
 pub fn evaluate(run: &RunDir) -> Result<Evaluation> {
     let config = run.config()?;
     let metrics = run.metrics()?;
@@ -21,14 +23,30 @@ pub fn evaluate(run: &RunDir) -> Result<Evaluation> {
     let (_, frame) = focus_of(&scene)?;
     let gpu = Gpu::open()?;
     let kernels = Kernels::new(&gpu);
-    measure(
-        (&gpu, &kernels),
-        &scene,
-        &frame,
-        &config,
-        run,
-        metrics.seconds.train,
-    )
+    let train_s = metrics.seconds.train;
+    let evaluation = measure((&gpu, &kernels), &scene, &frame, &config, run, train_s)?;
+    write_run_page(run, &scene.test, &frame)?;
+    Ok(evaluation)
+}
+
+/// Writes one page over several runs that have been evaluated.
+///
+/// # Errors
+/// A scene that is no longer as a run was trained on it, or a file that cannot be read.
+pub fn compare(runs: &[RunDir], path: &Path) -> Result<()> {
+    let mut scenes: Vec<SceneRuns> = Vec::new();
+    for run in runs {
+        let (config, metrics) = (run.config()?, run.metrics()?);
+        if let Some(scene) = scenes.iter_mut().find(|s| s.is_of(&metrics.scene)) {
+            scene.add(run)?;
+            continue;
+        }
+        let loaded = reload(&config, &metrics).map_err(|e| e.at_path(run.root()))?;
+        let mut scene = SceneRuns::new(&metrics.scene, &loaded.test, runs.len())?;
+        scene.add(run)?;
+        scenes.push(scene);
+    }
+    write_comparison(path, &scenes)
 }
 
 /// The scene as the run was trained on it.

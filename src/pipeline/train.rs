@@ -8,7 +8,7 @@ use crate::gaussians::ply::write_ply;
 use crate::gpu::Gpu;
 use crate::progress::Progress;
 use crate::render::{Kernels, most_gaussians};
-use crate::report::{ContactSheet, mask_image, write_png};
+use crate::report::{ContactSheet, mask_image, write_png, write_run_page};
 use crate::run::{
     Evaluation, LossSample, Memory, Metrics, ModelSize, PoseProtocol, RunDir, SceneRecord, Seconds,
     peak_host_bytes,
@@ -85,6 +85,7 @@ pub fn train(
         loss: trained.samples,
         model_size: model_sizes(start.len(), &trained.plans),
     })?;
+    write_run_page(run, &scene.test, &frame)?;
     Ok(evaluation)
 }
 

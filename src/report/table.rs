@@ -13,28 +13,35 @@ pub struct Table {
 impl Table {
     pub fn new(header: &[&str]) -> Table {
         Table {
-            rows: vec![header.iter().map(|cell| escaped(cell)).collect()],
+            rows: vec![header.iter().map(|&cell| cell.to_owned()).collect()],
         }
     }
 
     /// Appends a row; cells beyond the header's are left out, missing ones are empty.
     pub fn row(&mut self, cells: &[String]) {
-        let mut row: Vec<String> = cells.iter().map(|cell| escaped(cell)).collect();
+        let mut row = cells.to_vec();
         row.resize(self.rows[0].len(), String::new());
         self.rows.push(row);
+    }
+
+    /// The header and the rows, as they came.
+    pub fn rows(&self) -> &[Vec<String>] {
+        &self.rows
     }
 }
 
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let n_columns = self.rows[0].len();
+        let escape = |row: &Vec<String>| row.iter().map(|cell| escaped(cell)).collect();
+        let rows: Vec<Vec<String>> = self.rows.iter().map(escape).collect();
+        let n_columns = rows[0].len();
         let widths: Vec<usize> = (0..n_columns)
             .map(|column| {
-                let widths = self.rows.iter().map(|row| row[column].chars().count());
+                let widths = rows.iter().map(|row| row[column].chars().count());
                 widths.max().unwrap_or(0).max(3)
             })
             .collect();
-        for (i, row) in self.rows.iter().enumerate() {
+        for (i, row) in rows.iter().enumerate() {
             for (column, (cell, &width)) in row.iter().zip(&widths).enumerate() {
                 if column == 0 {
                     write!(f, "| {cell:width$} |")?;
@@ -67,8 +74,8 @@ fn escaped(cell: &str) -> String {
         .replace('|', "\\|")
 }
 
-/// A run's errors per test view and in the mean, its size and training time.
-pub fn evaluation_table(run: &str, evaluation: &Evaluation) -> String {
+/// A run's errors per test view and, in the last row, in the mean.
+pub fn view_table(evaluation: &Evaluation) -> Table {
     let mut table = Table::new(&["view", "PSNR dB", "SSIM", "LPIPS"]);
     for view in &evaluation.views {
         table.row(&[
@@ -85,6 +92,12 @@ pub fn evaluation_table(run: &str, evaluation: &Evaluation) -> String {
         figure(mean.ssim, 4),
         figure(mean.lpips, 4),
     ]);
+    table
+}
+
+/// A run's errors, its size and training time, in Markdown.
+pub fn evaluation_table(run: &str, evaluation: &Evaluation) -> String {
+    let table = view_table(evaluation);
     let mut out = format!(
         "### {}\n\n{table}\n{} Gaussians, trained in {} s\n",
         escaped(run),
@@ -105,7 +118,7 @@ pub fn evaluation_table(run: &str, evaluation: &Evaluation) -> String {
 }
 
 /// `n/a` for what was not measured.
-fn figure(value: Option<f64>, digits: usize) -> String {
+pub(super) fn figure(value: Option<f64>, digits: usize) -> String {
     match value {
         Some(value) => format!("{value:.digits$}"),
         None => "n/a".to_owned(),
