@@ -14,6 +14,7 @@ mod geometry;
 mod gpu;
 mod hard;
 mod metrics;
+mod page;
 mod plot;
 mod policy;
 mod report;

@@ -10,13 +10,13 @@ use super::super::sheet::shrunk;
 use crate::error::{Error, Result};
 use crate::scene::Image;
 
-const JPEG_QUALITY: u8 = 88;
+const JPEG_QUALITY: u8 = 80;
 
 /// Longer side of a test view's pictures, pixels, where there are few.
 const MAX_SIDE: u32 = 480;
 
-/// Most pixels of all pictures of one kind together: some 1 MB.
-const MAX_PIXELS: u32 = 4_000_000;
+/// Most pixels of all pictures of one kind together: some 0.7 MB.
+const MAX_PIXELS: u32 = 3_000_000;
 
 /// Mean error of the channels that takes the last colour of the map, of 1.
 pub const MAX_ERROR: f64 = 0.25;

@@ -19,7 +19,7 @@ use crate::run::{Evaluation, Metrics, RunDir, ViewScore, file_names};
 use crate::scene::View;
 
 /// Longer side of the contact sheet of virtual views, pixels.
-const SHEET_SIDE: u32 = 1600;
+const SHEET_SIDE: u32 = 1200;
 
 const SCRIPTS: [&str; 4] = [
     include_str!("common.js"),
@@ -65,7 +65,7 @@ pub fn write_run_page(run: &RunDir, test: &[View], frame: &Frame) -> Result<()> 
     }])?;
     let body = html! {
         (head(&run.name(), &config, &metrics, &evaluation))
-        (scene_section(&data, packed.len() / PACKED_BYTES, n_gaussians))
+        (scene_section(packed.len() / PACKED_BYTES, n_gaussians))
         @if !views.is_empty() { (view_section(&views)) }
         (field_section(&data))
         @if let Some(sheet) = &sheet { (virtual_section(sheet, &data)) }
@@ -128,14 +128,13 @@ fn head(name: &str, config: &Config, metrics: &Metrics, evaluation: &Evaluation)
     }
 }
 
-fn scene_section(data: &PageData, n_shown: usize, n_gaussians: usize) -> Markup {
-    let camera = data.cameras.first();
+fn scene_section(n_shown: usize, n_gaussians: usize) -> Markup {
     html! {
         h2 { "Scene" }
         canvas #scene tabindex="0" aria-label="The trained scene; drag or use the arrow keys to turn it" {}
         div.controls {
             label { input #scene-turn type="checkbox"; " turn" }
-            label { "seen from " select #scene-camera aria-label=[camera.map(|c| &c.name)] {} }
+            label { "seen from " select #scene-camera {} }
         }
         p #scene-note .quiet {
             "Drag to turn, scroll to go nearer. "
