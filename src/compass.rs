@@ -91,7 +91,9 @@ impl Compass {
             )
         });
         angles
-            .map(|(azimuth, elevation)| self.direction(azimuth.to_degrees(), elevation.to_degrees()))
+            .map(|(azimuth, elevation)| {
+                self.direction(azimuth.to_degrees(), elevation.to_degrees())
+            })
             .collect()
     }
 }

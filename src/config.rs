@@ -4,14 +4,17 @@
 //! what it changes and, under `"preset"`, what it changes it from.
 
 mod overlay;
+mod reference;
 mod validate;
 
 pub use overlay::PRESETS;
+pub use reference::{Key, keys, summary};
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Everything that decides a training run. Lengths are relative to the sphere radius `R`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
     /// The preset this config started from.
@@ -32,7 +35,7 @@ pub struct Config {
 }
 
 /// What is loaded.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneConfig {
     /// Images wider than this are scaled down to it.
@@ -49,7 +52,7 @@ pub struct SceneConfig {
 }
 
 /// The camera potential field.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FieldConfig {
     /// `sigma` of the sech kernel; arcsech(0.01) = 5.298292365610484.
@@ -61,7 +64,7 @@ pub struct FieldConfig {
 }
 
 /// Virtual views.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ViewsConfig {
     /// `K`, number of virtual views; 0 trains without them.
@@ -71,7 +74,7 @@ pub struct ViewsConfig {
 }
 
 /// Point splatting of the cloud into the virtual views.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SplatConfig {
     /// Side of a splatted point's square, pixels.
@@ -83,13 +86,14 @@ pub struct SplatConfig {
 }
 
 /// The Gaussians at the start.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ModelConfig {
     /// Highest spherical-harmonics degree, 0 to 3.
     pub sh_degree: u32,
     /// The active degree rises by one every so many iterations.
     pub sh_interval: u32,
+    /// Opacity of every Gaussian at the start.
     pub initial_opacity: f64,
     /// Upper bound of the initial scale (3-nearest-neighbour distance) as a multiple of the
     /// median over the cloud: isolated points would fog whole views.
@@ -101,7 +105,7 @@ pub struct ModelConfig {
 }
 
 /// The image losses.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LossConfig {
     /// `L = (1 - w) L1 + w (1 - SSIM)`.
@@ -113,63 +117,80 @@ pub struct LossConfig {
 }
 
 /// Adam with 3DGS's learning rates.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OptimizerConfig {
-    /// Position learning rate at the start and the end, times the camera extent.
+    /// Learning rate of positions at the start, times the camera extent.
     pub mean_lr_start: f64,
+    /// The same at the end; in between it falls exponentially.
     pub mean_lr_end: f64,
-    /// Degree 0; higher degrees take a twentieth.
+    /// Learning rate of colours of degree 0; higher degrees take a twentieth.
     pub sh_lr: f64,
+    /// Learning rate of opacity logits.
     pub opacity_lr: f64,
+    /// Learning rate of the scales' logarithms.
     pub scale_lr: f64,
+    /// Learning rate of rotations.
     pub rotation_lr: f64,
+    /// Adam's decay of the mean gradient.
     pub beta1: f64,
+    /// Adam's decay of the mean squared gradient.
     pub beta2: f64,
+    /// Adam's epsilon.
     pub epsilon: f64,
 }
 
 /// 3DGS's densification and pruning.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DensifyConfig {
+    /// Otherwise the number of Gaussians only falls.
     pub enabled: bool,
-    /// First and last iteration, and the step between.
+    /// First iteration that densifies.
     pub start: u32,
+    /// Last iteration that densifies.
     pub end: u32,
+    /// Iterations between two densifications.
     pub interval: u32,
     /// Mean norm of the position gradient on screen (normalised device coordinates) above which
     /// a Gaussian is cloned or split. Coverage-aware densification replaces it.
     pub gradient_threshold: f64,
     /// Split above this scale, clone below, in camera extents.
     pub split_scale: f64,
+    /// Prune below this opacity.
     pub min_opacity: f64,
     /// Prune above this scale, in camera extents, once opacities have been reset.
     pub max_scale: f64,
     /// Prune Gaussians that were wider than this on a training image, as a share of its longer
     /// side, once opacities have been reset.
     pub max_screen: f64,
-    /// Opacities are reset every so many iterations, and never after `opacity_reset_end`.
+    /// Opacities are reset every so many iterations.
     pub opacity_reset_interval: u32,
+    /// No reset after this iteration.
     pub opacity_reset_end: u32,
     /// No growth beyond this number of Gaussians.
     pub max_gaussians: usize,
 }
 
 /// Coverage-aware pruning and densification.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CoverageConfig {
     /// `Q_i`-guided anisotropy pruning.
     pub prune: bool,
     /// `Q_i`-guided densification threshold.
     pub densify: bool,
-    /// First iteration and step of the pruning.
+    /// First iteration of the pruning.
     pub start: u32,
+    /// Iterations between two prunings.
     pub interval: u32,
+    /// `tau_min`, greatest anisotropy where nothing is covered.
     pub tau_min: f64,
+    /// `tau_max`, greatest anisotropy where coverage is best.
     pub tau_max: f64,
+    /// `delta_min`, densification threshold where coverage is best.
     pub delta_min: f64,
+    /// `delta_max`, densification threshold where nothing is covered.
     pub delta_max: f64,
     /// `epsilon` of the anisotropy, in `R`.
     pub anisotropy_epsilon: f64,

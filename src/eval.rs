@@ -8,6 +8,7 @@ use crate::error::Result;
 use crate::gaussians::Gaussians;
 use crate::gpu::Gpu;
 use crate::metrics;
+use crate::progress::Progress;
 use crate::render::{Kernels, Model, Renderer, ViewUniform};
 use crate::run::{Evaluation, PointSplatScore, ViewScore, mean};
 use crate::scene::{Image, PointCloud, View};
@@ -27,17 +28,22 @@ pub fn render_views(
 ) -> Result<Vec<Image>> {
     let model = Model::upload(gpu, gaussians, gaussians.len())?;
     let mut renderer = Renderer::new(gpu, kernels);
-    views
+    let mut progress = Progress::stage("evaluation", views.len() as u32);
+    let renders = views
         .iter()
-        .map(|view| {
+        .zip(1..)
+        .map(|(view, done)| {
             let camera = frame.camera_to_canonical(&view.camera);
             let uniform = ViewUniform::new(&camera, config.near, config.background);
             let rendered = renderer
                 .render(&model, &uniform)
                 .map_err(|e| e.at(&camera.name))?;
+            progress.advance(done);
             metrics::quantize(rendered.width, rendered.height, &rendered.rgb)
         })
-        .collect()
+        .collect();
+    progress.finish();
+    renders
 }
 
 /// PSNR and SSIM of each render against its view's photograph.

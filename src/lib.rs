@@ -2,7 +2,8 @@
 //!
 //! Data flows one way: [`scene`] -> [`field`] -> [`views`] -> [`splat`] -> [`render`] ->
 //! [`train`] -> [`eval`] -> [`report`]; [`gpu`], [`config`], [`camera`], [`compass`], [`gaussians`],
-//! [`progress`], [`run`] and [`error`] lie beneath. [`metrics`] measures images for [`eval`],
+//! [`logging`], [`progress`], [`run`] and [`error`] lie beneath. [`gaps`] looks for what the field leaves
+//! uncovered, [`metrics`] measures images for [`eval`],
 //! [`pipeline`] calls the stages in a row, and [`cli`] is the commands on top.
 //!
 //! Frames and units: the scene's own frame is that of its camera poses (world-to-camera, +z
@@ -17,8 +18,10 @@ pub mod config;
 pub mod error;
 pub mod eval;
 pub mod field;
+pub mod gaps;
 pub mod gaussians;
 pub mod gpu;
+pub mod logging;
 pub mod metrics;
 pub mod pipeline;
 pub mod progress;

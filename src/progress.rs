@@ -1,16 +1,21 @@
-//! Training progress on stderr: a bar on a terminal, else a line every few seconds.
+//! Progress on stderr: a bar on a terminal, else a line every few seconds.
 
 use std::io::Write;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use log::LevelFilter;
+use serde_json::json;
+
+use crate::logging::{self, Style};
 
 /// Time between two lines where stderr is no terminal.
 const LINE_INTERVAL: Duration = Duration::from_secs(5);
 
-/// Shows iterations per second, loss, number of Gaussians and time left.
+/// Shows how far a stage is, how fast it goes and the time left.
 pub struct Progress {
     sink: Sink,
+    stage: &'static str,
     total: u32,
     start: Instant,
 }
@@ -18,74 +23,117 @@ pub struct Progress {
 enum Sink {
     Bar(ProgressBar),
     Lines {
+        style: Style,
         out: Box<dyn Write + Send>,
         interval: Duration,
         last: Instant,
         /// The last update, for the final line.
-        latest: Option<(u32, f64, usize)>,
+        latest: Option<State>,
     },
+    Nothing,
+}
+
+/// How far a stage is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct State {
+    done: u32,
+    /// Loss and number of Gaussians.
+    training: Option<(f64, usize)>,
 }
 
 impl Progress {
-    /// Progress on stderr over `total` iterations.
+    /// Progress of training over `total` iterations.
     pub fn new(total: u32) -> Progress {
+        Self::stage("training", total)
+    }
+
+    /// Progress of `stage` over `total` steps, as [`logging::start`] has set it.
+    pub fn stage(stage: &'static str, total: u32) -> Progress {
+        let start = Instant::now();
+        let shown = |sink| Progress {
+            sink,
+            stage,
+            total,
+            start,
+        };
+        if log::max_level() < LevelFilter::Info {
+            return shown(Sink::Nothing);
+        }
+        let style = logging::style();
         let bar = ProgressBar::with_draw_target(
             Some(u64::from(total)),
             ProgressDrawTarget::stderr_with_hz(5),
         );
-        if bar.is_hidden() {
-            return Self::lines(total, Box::new(std::io::stderr()), LINE_INTERVAL);
+        if bar.is_hidden() || style == Style::Json {
+            return shown(Sink::lines(
+                style,
+                Box::new(std::io::stderr()),
+                LINE_INTERVAL,
+            ));
         }
         // The template is a constant; were it wrong, the default style would show.
-        if let Ok(style) =
-            ProgressStyle::with_template("{bar:30} {pos}/{len}  {per_sec}  {msg}  {eta} left")
-        {
+        let template = "{prefix} {bar:30} {pos}/{len}  {per_sec}  {msg}  {eta} left";
+        if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }
+        bar.set_prefix(stage);
+        shown(Sink::Bar(bar))
+    }
+
+    /// Training's lines in a style into `out`, at most one an `interval`.
+    pub fn lines(
+        style: Style,
+        total: u32,
+        out: Box<dyn Write + Send>,
+        interval: Duration,
+    ) -> Progress {
         Progress {
-            sink: Sink::Bar(bar),
+            sink: Sink::lines(style, out, interval),
+            stage: "training",
             total,
             start: Instant::now(),
         }
     }
 
-    /// Plain lines into `out`, at most one an `interval`.
-    pub fn lines(total: u32, out: Box<dyn Write + Send>, interval: Duration) -> Progress {
-        let start = Instant::now();
-        Progress {
-            sink: Sink::Lines {
-                out,
-                interval,
-                last: start,
-                latest: None,
-            },
-            total,
-            start,
-        }
+    /// After `iteration` iterations of training.
+    pub fn update(&mut self, iteration: u32, loss: f64, n_gaussians: usize) {
+        self.show(State {
+            done: iteration,
+            training: Some((loss, n_gaussians)),
+        });
     }
 
-    /// After `iteration` iterations.
-    pub fn update(&mut self, iteration: u32, loss: f64, n_gaussians: usize) {
-        let line = |elapsed| line(iteration, self.total, elapsed, loss, n_gaussians);
+    /// After `done` steps of another stage.
+    pub fn advance(&mut self, done: u32) {
+        self.show(State {
+            done,
+            training: None,
+        });
+    }
+
+    fn show(&mut self, state: State) {
+        let (stage, total, elapsed) = (self.stage, self.total, self.start.elapsed());
         match &mut self.sink {
             Sink::Bar(bar) => {
-                bar.set_message(format!("loss {loss:.4}  {n_gaussians} Gaussians"));
-                bar.set_position(u64::from(iteration));
+                bar.set_message(state.detail());
+                bar.set_position(u64::from(state.done));
             }
             Sink::Lines {
+                style,
                 out,
                 interval,
                 last,
                 latest,
             } => {
-                *latest = Some((iteration, loss, n_gaussians));
+                *latest = Some(state);
                 if last.elapsed() >= *interval {
                     *last = Instant::now();
                     // Training goes on when nobody can read how it does.
-                    let _ = writeln!(out, "{}", line(self.start.elapsed()));
+                    let _ = writeln!(out, "{}", state.line(*style, stage, total, elapsed));
                     *latest = None;
                 }
             }
+            Sink::Nothing => {}
         }
     }
 
@@ -94,30 +142,74 @@ impl Progress {
         match self.sink {
             Sink::Bar(bar) => bar.abandon(),
             Sink::Lines {
-                mut out, latest, ..
+                style,
+                mut out,
+                latest,
+                ..
             } => {
-                if let Some((iteration, loss, n_gaussians)) = latest {
-                    let elapsed = self.start.elapsed();
-                    let line = line(iteration, self.total, elapsed, loss, n_gaussians);
+                if let Some(state) = latest {
+                    let line = state.line(style, self.stage, self.total, self.start.elapsed());
                     let _ = writeln!(out, "{line}");
                 }
             }
+            Sink::Nothing => {}
         }
     }
 }
 
-/// `1500/10000  12.3 it/s  loss 0.0812  51234 Gaussians  11m31s left`
-fn line(iteration: u32, total: u32, elapsed: Duration, loss: f64, n_gaussians: usize) -> String {
-    let per_second = f64::from(iteration) / elapsed.as_secs_f64().max(1e-9);
-    let left = f64::from(total.saturating_sub(iteration)) / per_second;
-    format!(
-        "{iteration}/{total}  {per_second:.1} it/s  loss {loss:.4}  {n_gaussians} Gaussians  {} left",
-        short_time(left)
-    )
+impl Sink {
+    fn lines(style: Style, out: Box<dyn Write + Send>, interval: Duration) -> Sink {
+        Sink::Lines {
+            style,
+            out,
+            interval,
+            last: Instant::now(),
+            latest: None,
+        }
+    }
+}
+
+impl State {
+    fn detail(&self) -> String {
+        self.training.map_or_else(String::new, |(loss, n)| {
+            format!("loss {loss:.4}  {n} Gaussians")
+        })
+    }
+
+    /// `1500/10000  12.3 it/s  loss 0.0812  51234 Gaussians  11m31s left`, or the same as JSON.
+    fn line(&self, style: Style, stage: &str, total: u32, elapsed: Duration) -> String {
+        let done = self.done;
+        let per_second = f64::from(done) / elapsed.as_secs_f64().max(1e-9);
+        let left = f64::from(total.saturating_sub(done)) / per_second;
+        if style == Style::Json {
+            let mut line = json!({
+                "level": "progress",
+                "stage": stage,
+                "done": done,
+                "total": total,
+                "per_second": per_second,
+                // Null before the first step.
+                "seconds_left": left,
+            });
+            if let Some((loss, n)) = self.training {
+                line["loss"] = json!(loss);
+                line["gaussians"] = json!(n);
+            }
+            return line.to_string();
+        }
+        let left = short_time(left);
+        match self.training {
+            Some(_) => {
+                let detail = self.detail();
+                format!("{done}/{total}  {per_second:.1} it/s  {detail}  {left} left")
+            }
+            None => format!("{stage}: {done}/{total}  {left} left"),
+        }
+    }
 }
 
 /// Seconds as `2h05m`, `11m31s` or `42s`; `?` where unknown.
-fn short_time(seconds: f64) -> String {
+pub fn short_time(seconds: f64) -> String {
     if !seconds.is_finite() {
         return "?".to_owned();
     }

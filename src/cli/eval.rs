@@ -47,7 +47,7 @@ impl EvalArgs {
         }
         if let Some(path) = &self.html {
             pipeline::compare(&runs, path)?;
-            eprintln!("wrote {}", path.display());
+            log::info!("wrote {}", path.display());
         }
         Ok(())
     }

@@ -58,7 +58,7 @@ impl RenderArgs {
             format: self.format,
         };
         let n_images = pipeline::render(&job)?;
-        eprintln!("wrote {n_images} images to {}", job.out.display());
+        log::info!("wrote {n_images} images to {}", job.out.display());
         Ok(())
     }
 }

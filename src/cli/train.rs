@@ -8,8 +8,9 @@ use clap::Args;
 use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::pipeline;
-use crate::report::evaluation_table;
+use crate::pipeline::{self, DryRun};
+use crate::progress::short_time;
+use crate::report::{Table, evaluation_table};
 use crate::run::RunDir;
 use crate::scene::{LoadOptions, Scene, SceneSource};
 
@@ -77,6 +78,10 @@ pub struct TrainArgs {
     /// Replace the run that --out holds
     #[arg(long)]
     overwrite: bool,
+
+    /// Load the scene, take the first iterations, print what the run would take, and write nothing
+    #[arg(long)]
+    dry_run: bool,
 }
 
 impl TrainArgs {
@@ -95,20 +100,24 @@ impl TrainArgs {
         // Before anything takes time or is written: a machine without an adapter is told at once,
         // and the same command works once it has one.
         let gpu = Gpu::open()?;
-        eprintln!("adapter: {}", gpu.describe());
+        log::info!("adapter: {}", gpu.describe());
 
         let start = Instant::now();
         let scene = pipeline::load_scene(&source, &load_options(&config, self.train_views))?;
         let load_s = start.elapsed().as_secs_f64();
         check_scene(&scene, &config)?;
         for warning in &scene.warnings {
-            eprintln!("warning: {warning}");
+            log::warn!("{warning}");
         }
 
+        if self.dry_run {
+            let dry = pipeline::dry_run(&gpu, &scene, &config)?;
+            return super::print(&dry_text(&scene, &config, &dry));
+        }
         let run = RunDir::create(&out, &config, self.overwrite)?;
         let evaluation = pipeline::train(&gpu, &scene, &source, &config, load_s, &run)?;
         super::print(&evaluation_table(&run.name(), &evaluation))?;
-        eprintln!("wrote {}", run.root().display());
+        log::info!("wrote {}", run.root().display());
         Ok(())
     }
 
@@ -130,6 +139,43 @@ impl TrainArgs {
         config.validate()?;
         Ok(config)
     }
+}
+
+/// What a run would take, as a table.
+fn dry_text(scene: &Scene, config: &Config, dry: &DryRun) -> String {
+    let mut table = Table::new(&["", "value"]);
+    let mut row = |what: &str, value: String| table.row(&[what.to_owned(), value]);
+    let mebibytes = |bytes: u64| format!("{} MiB", bytes >> 20);
+    let [width, height] = dry.image_size;
+    row("scene", scene.source.clone());
+    row(
+        "training views",
+        format!("{} of {width}x{height}", scene.train.len()),
+    );
+    row("test views", scene.test.len().to_string());
+    row("virtual views", dry.n_virtual_views.to_string());
+    row("points", scene.cloud.len().to_string());
+    row("Gaussians at the start", dry.n_gaussians.to_string());
+    let most = dry
+        .max_gaussians
+        .map_or("the same".to_owned(), |n| n.to_string());
+    row("Gaussians at most", most);
+    row("GPU buffers at the start", mebibytes(dry.gpu_bytes));
+    row(
+        "process at the start",
+        dry.host_bytes.map_or("n/a".to_owned(), mebibytes),
+    );
+    row("preparation", short_time(dry.prepare_s));
+    row("an iteration", format!("{:.1} ms", 1e3 * dry.iteration_s));
+    let all = f64::from(config.iterations) * dry.iteration_s;
+    row(
+        &format!("{} iterations", config.iterations),
+        short_time(all),
+    );
+    format!(
+        "{table}\nTime and memory as measured at the start: they grow with the Gaussians and with the \
+         degree of their colours.\n"
+    )
 }
 
 fn load_options(config: &Config, train_views: Option<Vec<String>>) -> LoadOptions {

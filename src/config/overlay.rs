@@ -97,7 +97,7 @@ impl Config {
             .map_err(|e| Error::usage(format!("`{key}` cannot be {shown}: {e}")))
     }
 
-    fn tree(&self) -> Result<Value> {
+    pub(super) fn tree(&self) -> Result<Value> {
         serde_json::to_value(self).map_err(|e| Error::new(format!("config: {e}")))
     }
 

@@ -8,6 +8,6 @@ pub mod profile;
 pub mod shader;
 
 pub use buffer::Buffer;
-pub use device::Gpu;
+pub use device::{Gpu, adapters, prefer_adapter};
 pub use kernel::{Commands, Kernel};
 pub use profile::Profile;

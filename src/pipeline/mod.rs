@@ -1,11 +1,15 @@
 //! The stages in a row, as the commands call them.
 
+mod dry_run;
 mod evaluate;
+mod field;
 mod prepare;
 mod render;
 mod train;
 
+pub use dry_run::{DryRun, dry_run};
 pub use evaluate::{compare, evaluate};
+pub use field::{Advice, FieldMaps, FieldReport, Place, Uncovered, field};
 pub use prepare::{Prepared, prepare};
 pub use render::render;
 pub use train::train;

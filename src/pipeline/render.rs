@@ -26,8 +26,8 @@ pub fn render(job: &RenderJob) -> Result<usize> {
     let gaussians = read_ply(&job.model)?;
     let n_not_finite = gaussians.n_not_finite();
     if n_not_finite > 0 {
-        eprintln!(
-            "warning: {}: {n_not_finite} of {} Gaussians are not finite and are not drawn",
+        log::warn!(
+            "{}: {n_not_finite} of {} Gaussians are not finite and are not drawn",
             job.model.display(),
             gaussians.len()
         );
@@ -39,8 +39,8 @@ pub fn render(job: &RenderJob) -> Result<usize> {
     }
     let gpu = Gpu::open()?;
     create_dir(&job.out)?;
-    eprintln!("adapter: {}", gpu.describe());
-    eprintln!("rendering {} views", cameras.len());
+    log::info!("adapter: {}", gpu.describe());
+    log::info!("rendering {} views", cameras.len());
     let kernels = Kernels::new(&gpu);
     let gaussians = gaussians.to_canonical(&frame);
     let model = Model::upload(&gpu, &gaussians, gaussians.len())?;

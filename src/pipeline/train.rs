@@ -38,10 +38,10 @@ pub fn train(
         warnings,
     } = prepare(scene, config, &mut seconds)?;
     for warning in &warnings {
-        eprintln!("warning: {warning}");
+        log::warn!("{warning}");
     }
     let config = &fitted(config, gpu, start.len())?;
-    eprintln!(
+    log::info!(
         "{} Gaussians from {} points",
         start.len(),
         scene.cloud.len()
@@ -93,7 +93,7 @@ pub fn train(
 ///
 /// # Errors
 /// The start itself does not fit.
-fn fitted(config: &Config, gpu: &Gpu, n_start: usize) -> Result<Config> {
+pub(super) fn fitted(config: &Config, gpu: &Gpu, n_start: usize) -> Result<Config> {
     let most = most_gaussians(gpu, config.model.sh_degree);
     if n_start > most {
         return Err(Error::new(format!(
@@ -107,7 +107,7 @@ fn fitted(config: &Config, gpu: &Gpu, n_start: usize) -> Result<Config> {
     }
     let mut fitted = config.clone();
     if config.densify.enabled && config.densify.max_gaussians > most {
-        eprintln!("densification stops at {most} Gaussians, which is what the adapter can bind");
+        log::info!("densification stops at {most} Gaussians, which is what the adapter can bind");
         fitted.densify.max_gaussians = most;
     }
     Ok(fitted)

@@ -92,7 +92,9 @@ impl SceneRuns {
         let runs = || self.runs.iter();
         let views = self.photographs.iter().enumerate().map(|(i, photograph)| {
             let renders = runs().map(|run| run.renders[i].uri.as_str());
-            std::iter::once(photograph.uri.as_str()).chain(renders).collect()
+            std::iter::once(photograph.uri.as_str())
+                .chain(renders)
+                .collect()
         });
         Choices {
             names: std::iter::once("photograph")
@@ -104,7 +106,14 @@ impl SceneRuns {
 
     fn table(&self) -> Table {
         let mut table = Table::new(&[
-            "run", "preset", "seed", "PSNR dB", "SSIM", "LPIPS", "Gaussians", "train s",
+            "run",
+            "preset",
+            "seed",
+            "PSNR dB",
+            "SSIM",
+            "LPIPS",
+            "Gaussians",
+            "train s",
         ]);
         for run in &self.runs {
             let mean = &run.evaluation.mean;
@@ -179,7 +188,10 @@ impl SceneRuns {
 /// # Errors
 /// Runs without any loss sample, or a path that cannot be written.
 pub fn write_comparison(path: &Path, scenes: &[SceneRuns]) -> Result<()> {
-    let sections: Vec<Markup> = scenes.iter().map(SceneRuns::section).collect::<Result<_>>()?;
+    let sections: Vec<Markup> = scenes
+        .iter()
+        .map(SceneRuns::section)
+        .collect::<Result<_>>()?;
     let n_runs: usize = scenes.iter().map(|scene| scene.runs.len()).sum();
     let title = format!("{n_runs} runs");
     let body = html! {

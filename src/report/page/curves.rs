@@ -20,7 +20,11 @@ pub struct Trained<'a> {
 /// Runs without any loss sample.
 pub fn plots(runs: &[Trained]) -> Result<Vec<String>> {
     let iterations = || Axis::linear("iteration");
-    let mut loss = Plot::new("Loss", iterations(), Axis::linear("(1 - w) L1 + w (1 - SSIM)"));
+    let mut loss = Plot::new(
+        "Loss",
+        iterations(),
+        Axis::linear("(1 - w) L1 + w (1 - SSIM)"),
+    );
     let mut size = Plot::new("Size", iterations(), Axis::linear("Gaussians"));
     for run in runs {
         let samples = &run.metrics.loss;

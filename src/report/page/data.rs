@@ -142,7 +142,9 @@ fn quantities(field: &Field, compass: &Compass) -> Vec<Quantity> {
         let max = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         // A flat field is all minimum.
         let span = if max > min { max - min } else { 1.0 };
-        let shares = values.iter().map(|v| (255.0 * (v - min) / span).round() as u8);
+        let shares = values
+            .iter()
+            .map(|v| (255.0 * (v - min) / span).round() as u8);
         Quantity {
             name,
             unit,

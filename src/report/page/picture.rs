@@ -58,7 +58,11 @@ pub fn error_map(render: &Image, truth: &Image, side: u32) -> Result<Picture> {
     }
     let pixels = render.rgb.chunks_exact(3).zip(truth.rgb.chunks_exact(3));
     let errors = pixels.flat_map(|(a, b)| {
-        let sum: u32 = a.iter().zip(b).map(|(a, b)| u32::from(a.abs_diff(*b))).sum();
+        let sum: u32 = a
+            .iter()
+            .zip(b)
+            .map(|(a, b)| u32::from(a.abs_diff(*b)))
+            .sum();
         let share = f64::from(sum) / (3.0 * 255.0 * MAX_ERROR);
         [(255.0 * share.min(1.0)).round() as u8; 3]
     });

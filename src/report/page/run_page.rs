@@ -161,7 +161,9 @@ fn view_section(views: &[PageView]) -> Markup {
 }
 
 fn view_figure(view: &PageView) -> Markup {
-    let ViewScore { name, psnr, ssim, .. } = view.score;
+    let ViewScore {
+        name, psnr, ssim, ..
+    } = view.score;
     html! {
         figure {
             div.pair {
