@@ -2,8 +2,8 @@
 //!
 //! Data flows one way: [`scene`] -> [`field`] -> [`views`] -> [`splat`] -> [`render`] ->
 //! [`train`] -> [`eval`] -> [`report`]; [`gpu`], [`config`], [`camera`], [`compass`], [`gaussians`],
-//! [`logging`], [`progress`], [`run`] and [`error`] lie beneath. [`gaps`] looks for what the field leaves
-//! uncovered, [`metrics`] measures images for [`eval`],
+//! [`logging`], [`progress`], [`digest`], [`run`] and [`error`] lie beneath. [`gaps`] looks for what
+//! the field leaves uncovered, [`metrics`] measures images for [`eval`],
 //! [`pipeline`] calls the stages in a row, and [`cli`] is the commands on top.
 //!
 //! Frames and units: the scene's own frame is that of its camera poses (world-to-camera, +z
@@ -15,6 +15,7 @@ pub mod cameras_json;
 pub mod cli;
 pub mod compass;
 pub mod config;
+pub mod digest;
 pub mod error;
 pub mod eval;
 pub mod field;

@@ -11,10 +11,13 @@ use std::sync::OnceLock;
 use log::{Level, LevelFilter, Log, Metadata, Record};
 use serde_json::json;
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// How a message is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Style {
+    /// Lines for people; a bar on a terminal.
     #[default]
     Text,
+    /// One object a line.
     Json,
 }
 

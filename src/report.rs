@@ -1,13 +1,21 @@
 //! What a run shows: image files, contact sheets, tables, plots and its page.
 
+mod animation;
+mod comparison;
+mod evaluation;
+mod export;
 mod page;
 pub mod plot;
 mod sheet;
 mod table;
 
+pub use animation::write_animation;
+pub use comparison::{Block, ComparedRun, Comparison, Figure, Row, check_protocols};
+pub use evaluation::{evaluation_table, view_table};
+pub use export::{runs_csv, runs_json};
 pub use page::{SceneRuns, write_comparison, write_run_page};
 pub use sheet::{ContactSheet, mask_image};
-pub use table::{Table, evaluation_table, view_table};
+pub use table::Table;
 
 use std::io::Cursor;
 use std::path::Path;
@@ -29,6 +37,24 @@ pub fn write_png(path: &Path, image: &Image) -> Result<()> {
             image.width,
             image.height,
             ExtendedColorType::Rgb8,
+        )
+        .map_err(|e| Error::new(format!("cannot encode as PNG: {e}")).at_path(path))?;
+    write_file(path, &bytes)
+}
+
+/// Writes shares in [0, 1] as a 16-bit grey PNG. `values`: `height * width`.
+pub fn write_grey_png(path: &Path, width: u32, height: u32, values: &[f32]) -> Result<()> {
+    check_len(path, width, height, 3 * values.len())?;
+    let levels = values
+        .iter()
+        .map(|v| (65535.0 * v.clamp(0.0, 1.0)).round() as u16);
+    let mut bytes = Vec::new();
+    PngEncoder::new(&mut bytes)
+        .write_image(
+            bytemuck::cast_slice(&levels.collect::<Vec<u16>>()),
+            width,
+            height,
+            ExtendedColorType::L16,
         )
         .map_err(|e| Error::new(format!("cannot encode as PNG: {e}")).at_path(path))?;
     write_file(path, &bytes)

@@ -24,9 +24,9 @@ pub struct Machine {
     #[arg(long, short, global = true)]
     quiet: bool,
 
-    /// Messages and progress on stderr as JSON, one object a line
-    #[arg(long, global = true)]
-    json: bool,
+    /// How messages and progress are written to stderr; `json` is one object a line
+    #[arg(long, value_name = "STYLE", value_enum, default_value_t = Style::Text, global = true)]
+    log: Style,
 }
 
 impl Machine {
@@ -35,8 +35,7 @@ impl Machine {
     /// # Errors
     /// Threads that the system does not give.
     pub fn prepare(&self) -> Result<()> {
-        let style = if self.json { Style::Json } else { Style::Text };
-        logging::start(style, self.quiet);
+        logging::start(self.log, self.quiet);
         if let Some(name) = &self.adapter {
             gpu::prefer_adapter(name);
         }

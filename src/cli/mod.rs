@@ -5,6 +5,7 @@ mod eval;
 mod export;
 mod field;
 mod machine;
+mod measure;
 mod presets;
 mod render;
 mod train;

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use clap::Args;
 
+use super::measure::MeasureArgs;
 use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
@@ -82,6 +83,9 @@ pub struct TrainArgs {
     /// Load the scene, take the first iterations, print what the run would take, and write nothing
     #[arg(long)]
     dry_run: bool,
+
+    #[command(flatten)]
+    measure: MeasureArgs,
 }
 
 impl TrainArgs {
@@ -99,6 +103,7 @@ impl TrainArgs {
         RunDir::check(&out, self.overwrite)?;
         // Before anything takes time or is written: a machine without an adapter is told at once,
         // and the same command works once it has one.
+        let options = self.measure.options()?;
         let gpu = Gpu::open()?;
         log::info!("adapter: {}", gpu.describe());
 
@@ -106,6 +111,7 @@ impl TrainArgs {
         let scene = pipeline::load_scene(&source, &load_options(&config, self.train_views))?;
         let load_s = start.elapsed().as_secs_f64();
         check_scene(&scene, &config)?;
+        options.check(&scene.test)?;
         for warning in &scene.warnings {
             log::warn!("{warning}");
         }
@@ -115,7 +121,7 @@ impl TrainArgs {
             return super::print(&dry_text(&scene, &config, &dry));
         }
         let run = RunDir::create(&out, &config, self.overwrite)?;
-        let evaluation = pipeline::train(&gpu, &scene, &source, &config, load_s, &run)?;
+        let evaluation = pipeline::train(&gpu, &scene, &source, &config, load_s, &options, &run)?;
         super::print(&evaluation_table(&run.name(), &evaluation))?;
         log::info!("wrote {}", run.root().display());
         Ok(())

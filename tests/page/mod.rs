@@ -77,12 +77,14 @@ fn run_with(root: &Path, name: &str) -> String {
         psnr: Some(12.34),
         ssim: Some(0.5),
         lpips: None,
+        masked: None,
     };
     run.write_evaluation(&Evaluation::new(vec![score], 1, Some(7.0)))
         .unwrap();
     let test = View {
         camera: cameras[2].clone(),
         image: plain([10, 10, 200]),
+        mask: None,
     };
     write_run_page(&run, &[test], &Frame::IDENTITY).unwrap();
     std::fs::read_to_string(run.report()).unwrap()
