@@ -15,6 +15,7 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub struct CompletionsArgs {
+    /// Shell that is to complete
     shell: Shell,
 }
 

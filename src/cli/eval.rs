@@ -135,8 +135,8 @@ impl EvalArgs {
         ];
         for (i, (option, path)) in outputs.iter().enumerate() {
             let Some(path) = path else { continue };
-            let same = |(_, other): &&(&str, &Option<PathBuf>)| other.as_ref() == Some(path);
-            if let Some((other, _)) = outputs[..i].iter().find(same) {
+            let mut before = outputs[..i].iter();
+            if let Some((other, _)) = before.find(|(_, p)| p.as_deref() == Some(path.as_path())) {
                 return Err(Error::usage(format!(
                     "{other} and {option} name the same file"
                 )));

@@ -103,14 +103,18 @@ fn text(report: &FieldReport) -> String {
     }
     let (gaps, advice) = (&report.uncovered, &report.advice);
     let percent = |share: f64| format!("{:.0} %", 100.0 * share);
-    let near = |nearest: &Option<String>| nearest.clone().unwrap_or_default();
+    // Names come from files.
+    let near = |nearest: &Option<String>| {
+        let name = nearest.as_deref().unwrap_or_default();
+        name.escape_debug().to_string()
+    };
     format!(
         "### {}\n\n{table}\n\
          At elevations from {:.0} to {:.0} degrees, {} is uncovered on average. The largest hole is at \
          azimuth {:.0}, elevation {:.0} ({} uncovered, {:.0} degrees from `{}`).\n\n\
          One more photograph helps most at azimuth {:.0}, elevation {:.0}: it leaves {} uncovered.\n\
          {}\n",
-        report.scene,
+        report.scene.escape_debug(),
         gaps.elevations[0],
         gaps.elevations[1],
         percent(gaps.mean),

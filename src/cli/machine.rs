@@ -7,7 +7,6 @@ use crate::gpu;
 use crate::logging::{self, Style};
 use crate::report::Table;
 
-/// Options of every command
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Machine")]
 pub struct Machine {

@@ -34,7 +34,7 @@ pub fn summary(preset: &str) -> &'static str {
     }
 }
 
-/// Every key in the schema's order.
+/// Every key, sorted by name within its section.
 ///
 /// # Errors
 /// A preset that is no config.
