@@ -45,11 +45,8 @@ fn main() -> Result<()> {
     let scene = load_scene(
         &args.scene.resolved()?.at_most(args.max_size),
         &LoadOptions {
-            max_width: config.scene.max_width_px,
-            max_size: config.scene.max_size_px,
-            train_views: None,
-            n_train: config.scene.n_train,
             n_test: 1,
+            ..LoadOptions::new(&config)
         },
     )?;
     let mut seconds = Seconds::default();

@@ -25,15 +25,16 @@ fn workgroup_sum(local: u32, mine: vec2f) -> vec2f {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn loss_blocks(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    let first = group.x * BLOCK + local * SCAN_CHUNK;
+fn loss_blocks(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let block = group.y * groups.x + group.x;
+    let first = block * BLOCK + local * SCAN_CHUNK;
     var mine = vec2f(0.0);
     for (var i = first; i < min(first + SCAN_CHUNK, loss.n_partials); i++) {
         mine += partials[i];
     }
     let sum = workgroup_sum(local, mine);
-    if (local == 0u) {
-        block_partials[group.x] = sum;
+    if (local == 0u && block * BLOCK < loss.n_partials) {
+        block_partials[block] = sum;
     }
 }
 

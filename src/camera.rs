@@ -67,6 +67,27 @@ impl Camera {
             ..self.clone()
         }
     }
+
+    /// The same camera for an image whose longer side is at most `px`.
+    pub fn at_most(&self, px: u32) -> Camera {
+        let size = (self.width, self.height);
+        let (width, height) = bounded_size(size, self.width.max(self.height), px);
+        self.resized(width, height)
+    }
+}
+
+/// A size scaled so that `side`, one of its lengths, comes down to `bound`; as it is where it is
+/// within. The other length is rounded to the nearest pixel and at least 1.
+pub fn bounded_size((width, height): (u32, u32), side: u32, bound: u32) -> (u32, u32) {
+    if side <= bound {
+        return (width, height);
+    }
+    let scaled = |length: u32| {
+        let exact = u64::from(length) * u64::from(bound);
+        let rounded = (2 * exact + u64::from(side)) / (2 * u64::from(side));
+        (rounded as u32).max(1)
+    };
+    (scaled(width), scaled(height))
 }
 
 /// A similarity without rotation that takes the scene's own frame to the canonical one, in which

@@ -24,6 +24,7 @@ pub struct Config {
     /// Training iterations; each renders one real and, with virtual views, one virtual view.
     pub iterations: u32,
     pub scene: SceneConfig,
+    pub carve: CarveConfig,
     pub field: FieldConfig,
     pub views: ViewsConfig,
     pub splat: SplatConfig,
@@ -51,16 +52,48 @@ pub struct SceneConfig {
     pub max_points: Option<usize>,
 }
 
+/// Carving: points that the photographs contradict go before anything is made of the cloud.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CarveConfig {
+    pub enabled: bool,
+    /// A point goes where its colour lies further than this, in [0, 1], outside the range of
+    /// the photograph's window.
+    pub threshold: f64,
+    /// Side of the window, pixels, odd.
+    pub window_px: u32,
+    /// A point is seen through a gap, and not judged, where another close by is nearer by more
+    /// than this share of its depth.
+    pub depth_tolerance: f64,
+    /// Rounds at most; without a point to remove there is none.
+    pub max_rounds: u32,
+    /// The round that would bring the removed share of the cloud above this does not happen.
+    pub max_share: f64,
+}
+
 /// The camera potential field.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FieldConfig {
-    /// `sigma` of the sech kernel; arcsech(0.01) = 5.298292365610484.
+    /// How a training camera's influence decays with the angle to it.
+    pub kernel: Kernel,
+    /// Sharpness of the kernel: `sigma` of sech, where arcsech(0.01) = 5.298292365610484 leaves
+    /// 1 % at 90 degrees, or `kappa` of von Mises-Fisher, where ln(100) = 4.605 does.
     pub sigma: f64,
     /// `lambda`, weight of `U_conf` in `U_total`.
     pub lambda: f64,
     /// Candidate directions on the Fibonacci sphere.
     pub n_candidates: usize,
+}
+
+/// Kernel of the information potential, 1 at its peak; `theta` is the angle to the camera.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Kernel {
+    /// `sech(sigma (1 - cos theta))`, the paper's.
+    Sech,
+    /// `exp(sigma (cos theta - 1))`; the paper compares it at `kappa` 3.0 and 4.4.
+    VonMisesFisher,
 }
 
 /// Virtual views.
@@ -69,8 +102,47 @@ pub struct FieldConfig {
 pub struct ViewsConfig {
     /// `K`, number of virtual views; 0 trains without them.
     pub count: usize,
-    /// `epsilon` of the sampling weight `1 / (U_total + epsilon)`.
+    pub strategy: Strategy,
+    /// `epsilon` of the sampling weights `1 / (U_total + epsilon)` and `theta_min + epsilon`.
     pub epsilon: f64,
+    pub visibility: VisibilityConfig,
+}
+
+/// How virtual views are chosen, by the names of the paper's table of sampling strategies. All
+/// but interpolation choose among the same candidates on the sphere, without replacement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Strategy {
+    /// CPF, the paper's: drawn with weight `1 / (U_total + epsilon)`.
+    Potential,
+    /// Nearest-angle random: drawn with weight `theta_min + epsilon`, the angle to the nearest
+    /// training camera in place of the potential.
+    NearestAngle,
+    /// Uniform sphere: drawn with equal weights.
+    SphereUniform,
+    /// Farthest-point sphere: one after another, the candidate farthest from the training
+    /// cameras and from those chosen before.
+    SphereFarthest,
+    /// Uniform interpolation: between two training cameras, any pair and any place between
+    /// alike, on an arc around the focus.
+    Interpolation,
+}
+
+/// The geometry-aware choice of virtual views. Each candidate's weight is multiplied by
+/// `s^power`, where `s` is the share of its covered pixels whose point some training camera sees
+/// from a direction within `max_angle_deg` of the candidate's.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct VisibilityConfig {
+    pub enabled: bool,
+    /// At the point, between the directions to the candidate and to the training camera.
+    pub max_angle_deg: f64,
+    pub power: f64,
+    /// Candidates with a lower share are dropped.
+    pub min_share: f64,
+    /// A training camera sees a point that lies at most this share of the depth behind the
+    /// nearest one in its pixel.
+    pub depth_tolerance: f64,
 }
 
 /// Point splatting of the cloud into the virtual views.

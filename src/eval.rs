@@ -55,22 +55,43 @@ pub fn render_views(
     frame: &Frame,
     views: &[View],
     config: &ModelConfig,
-    mut look: impl FnMut(&View, &Rendered) -> Result<()>,
+    look: impl FnMut(&View, &Rendered) -> Result<()>,
 ) -> Result<()> {
     let model = Model::upload(gpu, gaussians, gaussians.len())?;
     let mut renderer = Renderer::new(gpu, kernels);
     let mut progress = Progress::stage("evaluation", views.len() as u32);
-    for (view, done) in views.iter().zip(1..) {
+    let mut done = 0;
+    let measured = |view: &View, rendered: &Rendered| {
+        look(view, rendered)?;
+        done += 1;
+        progress.advance(done);
+        Ok(())
+    };
+    render_model(&mut renderer, &model, frame, views, config, measured)?;
+    progress.finish();
+    Ok(())
+}
+
+/// [`render_views`] of a model that is on the GPU already.
+///
+/// # Errors
+/// As [`render_views`].
+pub fn render_model(
+    renderer: &mut Renderer,
+    model: &Model,
+    frame: &Frame,
+    views: &[View],
+    config: &ModelConfig,
+    mut look: impl FnMut(&View, &Rendered) -> Result<()>,
+) -> Result<()> {
+    views.iter().try_for_each(|view| {
         let camera = frame.camera_to_canonical(&view.camera);
         let uniform = ViewUniform::new(&camera, config.near, config.background);
         let rendered = renderer
-            .render(&model, &uniform)
+            .render(model, &uniform)
             .map_err(|e| e.at(&camera.name))?;
-        look(view, &rendered)?;
-        progress.advance(done);
-    }
-    progress.finish();
-    Ok(())
+        look(view, &rendered)
+    })
 }
 
 /// Errors of a render against its view's photograph, over all pixels and over the mask.

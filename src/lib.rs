@@ -2,9 +2,12 @@
 //!
 //! Data flows one way: [`scene`] -> [`field`] -> [`views`] -> [`splat`] -> [`render`] ->
 //! [`train`] -> [`eval`] -> [`report`]; [`gpu`], [`config`], [`camera`], [`compass`], [`gaussians`],
-//! [`logging`], [`progress`], [`digest`], [`run`] and [`error`] lie beneath. [`gaps`] looks for what
-//! the field leaves uncovered, [`metrics`] measures images for [`eval`],
-//! [`pipeline`] calls the stages in a row, and [`cli`] is the commands on top.
+//! [`logging`], [`progress`], [`digest`], [`run`] and [`error`] lie beneath. Where the config asks for
+//! it, [`carve`] clears the cloud by the photographs and [`visibility`] weighs where views may stand,
+//! both by splats. [`gaps`] looks for what the photographs leave uncovered, [`metrics`] measures
+//! images for [`eval`], [`pipeline`] calls the stages in a row, [`study`] trains what a table or figure
+//! of the paper needs, and [`cli`] is the commands on top. [`reference`] stands apart: the same
+//! computed in f64 by other means, which [`doctor`] holds the GPU to.
 //!
 //! Frames and units: the scene's own frame is that of its camera poses (world-to-camera, +z
 //! forward, y down). Everything on the GPU lives in the canonical frame ([`camera::Frame`]):
@@ -12,10 +15,12 @@
 
 pub mod camera;
 pub mod cameras_json;
+pub mod carve;
 pub mod cli;
 pub mod compass;
 pub mod config;
 pub mod digest;
+pub mod doctor;
 pub mod error;
 pub mod eval;
 pub mod field;
@@ -26,10 +31,14 @@ pub mod logging;
 pub mod metrics;
 pub mod pipeline;
 pub mod progress;
+pub mod reference;
 pub mod render;
 pub mod report;
 pub mod run;
 pub mod scene;
 pub mod splat;
+pub mod stats;
+pub mod study;
 pub mod train;
 pub mod views;
+pub mod visibility;

@@ -10,7 +10,7 @@ mod sheet;
 mod table;
 
 pub use animation::write_animation;
-pub use comparison::{Block, ComparedRun, Comparison, Figure, Row, check_protocols};
+pub use comparison::{Block, ComparedRun, Comparison, Row, check_protocols};
 pub use evaluation::{evaluation_table, view_table};
 pub use export::{runs_csv, runs_json};
 pub use page::{SceneRuns, write_comparison, write_run_page};

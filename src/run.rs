@@ -21,8 +21,8 @@ pub use evaluation::{
 };
 pub use names::file_names;
 pub use record::{
-    ImageLoss, LossSample, Memory, Metrics, ModelSize, PlanCounts, PoseProtocol, SceneRecord,
-    Seconds, peak_host_bytes,
+    CurvePoint, ImageLoss, LossSample, Memory, Metrics, ModelSize, PlanCounts, PoseProtocol,
+    SceneRecord, Seconds, peak_host_bytes,
 };
 
 use std::path::{Path, PathBuf};

@@ -1,4 +1,5 @@
-//! Modules use one another one way only: every module may use those above it in the list.
+//! Modules use one another one way only: every module may use those above it in the list. The f64
+//! reference stands apart: it uses none of them, and only what compares with it uses it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,17 +19,31 @@ const ORDER: &[&str] = &[
     "gpu",
     "metrics",
     "run",
+    "stats",
     "field",
     "gaps",
     "views",
     "splat",
+    "carve",
+    "visibility",
     "render",
     "train",
     "eval",
     "report",
     "pipeline",
+    "study",
+    "doctor",
     "cli",
 ];
+
+/// The f64 reference, which shares no arithmetic with what is held to it.
+const REFERENCE: &str = "reference";
+
+/// Who may use the reference.
+const REFERENCE_USERS: &[&str] = &["doctor"];
+
+/// What the reference may use: itself, the standard library, threads and random bits.
+const REFERENCE_NEEDS: &[&str] = &["super", "std", "rayon", "rand_chacha"];
 
 fn rank(module: &str) -> Option<usize> {
     ORDER.iter().position(|name| *name == module)
@@ -99,18 +114,46 @@ fn violations(path: &Path, code: &str) -> Vec<String> {
     if parts.len() == 1 && (module == "main" || module == "lib") {
         return Vec::new();
     }
-    let Some(own) = rank(module) else {
+    let depth = parts.len() - usize::from(parts.last().is_some_and(|part| part == "mod"));
+    let used = used_modules(code, depth);
+    let refused: Vec<String> = if module == REFERENCE {
+        let other = used.into_iter().filter(|used| used != REFERENCE);
+        other.chain(foreign_to_reference(code)).collect()
+    } else if let Some(own) = rank(module) {
+        let allowed = |used: &str| {
+            if used == REFERENCE {
+                REFERENCE_USERS.contains(&module.as_str())
+            } else {
+                rank(used).is_none_or(|theirs| theirs <= own)
+            }
+        };
+        used.into_iter().filter(|used| !allowed(used)).collect()
+    } else {
         return vec![format!(
             "{}: `{module}` is not in the order",
             path.display()
         )];
     };
-    let depth = parts.len() - usize::from(parts.last().is_some_and(|part| part == "mod"));
-    used_modules(code, depth)
+    refused
         .iter()
-        .filter(|used| rank(used).is_some_and(|theirs| theirs > own))
         .map(|used| format!("{}: `{module}` may not use `{used}`", path.display()))
         .collect()
+}
+
+/// What a file of the reference uses beyond [`REFERENCE_NEEDS`], and files that it takes in whole.
+fn foreign_to_reference(code: &str) -> Vec<String> {
+    let lines = code.lines().map(str::trim);
+    let lines = lines.map(|line| line.strip_prefix("pub ").unwrap_or(line));
+    let mut found = Vec::new();
+    for line in lines {
+        let uses = line.strip_prefix("use ").map(first_names);
+        let foreign = |name: &String| !REFERENCE_NEEDS.contains(&name.as_str());
+        found.extend(uses.into_iter().flatten().filter(foreign));
+        if line.contains("include!") || line.starts_with("#[path") {
+            found.push(line.to_owned());
+        }
+    }
+    found
 }
 
 fn rust_files(folder: &Path, files: &mut Vec<PathBuf>) {
@@ -175,4 +218,38 @@ fn planted_violations_are_found() {
         0
     );
     assert_eq!(n("lib.rs", "use crate::train;"), 0);
+}
+
+#[test]
+fn planted_violations_around_the_reference_are_found() {
+    let n = |path: &str, code: &str| violations(Path::new(path), code).len();
+    // It shares nothing: neither modules, nor crates that do arithmetic, nor files.
+    assert_eq!(n("reference/sh.rs", "use crate::gpu::constants::SH_0;"), 2);
+    assert_eq!(n("reference/sh.rs", "use super::super::render;"), 1);
+    assert_eq!(n("reference/mod.rs", "pub use super::metrics::ssim;"), 1);
+    assert_eq!(
+        n("reference/sh.rs", "fn f() { crate::error::read_file() }"),
+        1
+    );
+    assert_eq!(n("reference/model.rs", "use glam::DVec3;"), 1);
+    assert_eq!(n("reference/model.rs", "include!(\"../field.rs\");"), 1);
+    assert_eq!(
+        n(
+            "reference/model.rs",
+            "#[path = \"../field.rs\"]\nmod field;"
+        ),
+        1
+    );
+    // Nor does anything but the comparisons use it.
+    assert_eq!(n("render/pass.rs", "use crate::reference::sh;"), 1);
+    assert_eq!(n("metrics.rs", "use super::{error, reference::loss};"), 1);
+
+    assert_eq!(
+        n(
+            "reference/sh.rs",
+            "use super::linalg::{Vec3, dot};\nuse rayon::prelude::*;"
+        ),
+        0
+    );
+    assert_eq!(n("doctor/views.rs", "use crate::reference::sh;"), 0);
 }

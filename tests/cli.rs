@@ -67,6 +67,9 @@ fn every_help_explains_its_options_and_gives_examples() {
                 "--max-points",
                 "--seed",
                 "--train-views",
+                "--test-views",
+                "--cloud",
+                "--eval-every",
                 "--overwrite",
                 "--lpips-weights",
                 "--lpips-range",
@@ -180,6 +183,13 @@ fn config_errors_exit_with_2_and_suggest() {
     );
     assert_fails(&["train", "--train-views", "a,b,a"], 2, &["`a` twice"]);
     assert_fails(&["train", "--train-views", "a,,b"], 2, &["empty name"]);
+    assert_fails(
+        &["train", "--test-views", "b,b"],
+        2,
+        &["--test-views", "`b`"],
+    );
+    assert_fails(&["train", "--cloud", "views:9"], 2, &["1 to 8"]);
+    assert_fails(&["train", "--eval-every", "0"], 2, &["--eval-every"]);
 
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("c.json"), r#"{"sede": 1}"#).unwrap();
@@ -195,6 +205,7 @@ fn missing_files_exit_with_1_and_are_named() {
         1,
         &["no/scene", "builtin"],
     );
+    assert_fails(&["train", "--cloud", "no.ply"], 1, &["no.ply"]);
     assert_fails(&["eval", "no/run"], 1, &["no/run", "config.json"]);
     let args = [
         "render", "--model", "a.ply", "--scene", "no/scene", "--out", "b",
@@ -257,16 +268,19 @@ fn metrics(pose_protocol: PoseProtocol) -> Metrics {
         iterations: 1,
         scene: SceneRecord {
             source: "builtin:16".into(),
+            cloud: None,
             name: "builtin".into(),
             train_views: Vec::new(),
             test_views: Vec::new(),
             n_points: 0,
+            carved_points: None,
             pose_protocol,
         },
         seconds: Seconds::default(),
         memory: Memory::default(),
         loss: Vec::new(),
         model_size: Vec::new(),
+        curve: Vec::new(),
     }
 }
 
@@ -286,7 +300,7 @@ fn images_too_small_for_lpips_are_refused_before_training() {
         folder.path(),
         &args,
         1,
-        &["test view", "40x26", "31 pixels a side"],
+        &["test view", "40x27", "31 pixels a side"],
     );
     // Else the same command with larger images would be refused.
     assert!(!folder.path().join("runs").exists());
@@ -346,20 +360,25 @@ fn a_scene_that_cannot_be_loaded_leaves_no_run() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_missing_adapter_names_the_package_and_leaves_nothing() {
-    let folder = tempfile::tempdir().unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_gspotential"))
-        .args(["train", "--scene", "builtin:16"])
-        .env("VK_ICD_FILENAMES", "/nonexistent.json")
-        .env("VK_DRIVER_FILES", "/nonexistent.json")
-        .current_dir(folder.path())
-        .output()
-        .unwrap();
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(1), "{stderr}");
-    assert_eq!(stderr.lines().count(), 1, "{stderr}");
-    assert!(stderr.contains("mesa-vulkan-drivers"), "{stderr}");
-    // Else the same command would be refused once the driver is there.
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    for args in [
+        &["train", "--scene", "builtin:16"][..],
+        &["doctor", "--json", "doctor.json"],
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let output = Command::new(env!("CARGO_BIN_EXE_gspotential"))
+            .args(args)
+            .env("VK_ICD_FILENAMES", "/nonexistent.json")
+            .env("VK_DRIVER_FILES", "/nonexistent.json")
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{stderr}");
+        assert_eq!(stderr.lines().count(), 1, "{stderr}");
+        assert!(stderr.contains("mesa-vulkan-drivers"), "{stderr}");
+        // Else the same command would be refused once the driver is there.
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
 }
 
 #[test]

@@ -4,6 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use gspotential::doctor::stage;
+
 use crate::metrics::lpips_reference::{ALEX, generated};
 
 fn run(folder: &Path, args: &[&str]) -> Output {
@@ -109,8 +111,105 @@ fn a_run_holds_what_the_readme_says_and_can_be_evaluated_and_rendered() {
     assert_eq!(render("c", &from_scene), train_views);
     let named = ["--cameras", &cameras, "--views", "test_00.png,train_02.png"];
     assert_eq!(render("d", &named), ["test_00.png", "train_02.png"]);
+    // A Gaussian that is not a number is left out and counted.
+    let mut bytes = fs::read(at(&model)).unwrap();
+    let start = bytes
+        .windows(11)
+        .position(|w| w == b"end_header\n")
+        .unwrap()
+        + 11;
+    bytes[start..start + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    fs::write(at("nan.ply"), bytes).unwrap();
+    let args = "render --model nan.ply --scene builtin:32 --views test_00.png --out e";
+    let output = run(folder.path(), &args.split(' ').collect::<Vec<_>>());
+    let log = String::from_utf8(output.stderr).unwrap();
+    assert!(log.contains("1 of 200 Gaussians are not finite"), "{log}");
     // The frame that a camera file's own cameras span sets the near plane alone.
     assert_eq!(fs::read(at("d").join("test_00.png")).unwrap(), image);
+}
+
+#[test]
+fn a_run_with_every_switch_of_its_views_and_cloud_is_evaluated_again_alike() {
+    let folder = tempfile::tempdir().unwrap();
+    let train = "train --scene builtin:48 --iterations 2 --set views.count=6 \
+                 --set scene.n_test=2 --set views.strategy=nearest_angle \
+                 --set views.visibility.enabled=true --set field.kernel=von_mises_fisher \
+                 --set carve.enabled=true --out run";
+    let output = run(folder.path(), &train.split_whitespace().collect::<Vec<_>>());
+    let log = String::from_utf8(output.stderr).unwrap();
+    assert!(log.contains("carved "), "{log}");
+    let metrics = json(&folder.path().join("run/metrics.json"));
+    assert!(metrics["seconds"]["carve"].is_number(), "{metrics}");
+    let removed = metrics["scene"]["carved_points"]
+        .as_array()
+        .expect("a count for each round")
+        .iter()
+        .map(|n| n.as_u64().expect("a count"))
+        .sum::<u64>();
+    let n_points = metrics["scene"]["n_points"].as_u64().unwrap();
+    assert!(
+        removed > 0 && removed < n_points / 2,
+        "{removed} of {n_points}"
+    );
+    assert!(
+        log.contains(&format!("from {} points", n_points - removed)),
+        "{log}"
+    );
+
+    // The bare splat beside it is that of the carved cloud, then and now.
+    let eval = folder.path().join("run/eval.json");
+    let trained = json(&eval);
+    fs::remove_file(&eval).unwrap();
+    run(folder.path(), &["eval", "run"]);
+    assert_eq!(json(&eval)["point_splat"], trained["point_splat"]);
+    assert_eq!(json(&eval)["mean"], trained["mean"]);
+}
+
+#[test]
+fn a_run_on_another_cloud_and_split_is_evaluated_on_them_from_anywhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let train = "train --scene builtin:24 --iterations 3 --preset 3dgs --set scene.n_test=3 \
+                 --max-points 60 --cloud views:2 --train-views train_03.png,test_01.png \
+                 --test-views test_02.png --eval-every 2 --out run";
+    run(folder.path(), &train.split_whitespace().collect::<Vec<_>>());
+    let at = |path: &str| json(&folder.path().join("run").join(path));
+    let scene = at("metrics.json")["scene"].clone();
+    assert_eq!(scene["cloud"], "views:2");
+    assert_eq!(
+        scene["train_views"],
+        serde_json::json!(["train_03.png", "test_01.png"])
+    );
+    assert_eq!(scene["test_views"], serde_json::json!(["test_02.png"]));
+    assert_eq!(
+        at("metrics.json")["curve"].as_array().map(Vec::len),
+        Some(3)
+    );
+    let trained = at("eval.json");
+    assert!(trained["point_splat"]["psnr"].is_number(), "{trained}");
+    fs::remove_file(folder.path().join("run/eval.json")).unwrap();
+    let elsewhere = tempfile::tempdir().unwrap();
+    let root = folder.path().join("run");
+    run(elsewhere.path(), &["eval", root.to_str().unwrap()]);
+    assert_eq!(at("eval.json"), trained);
+
+    // A scene that has changed since is named, and it is no wrong usage.
+    let metrics = fs::read_to_string(root.join("metrics.json")).unwrap();
+    fs::write(
+        root.join("metrics.json"),
+        metrics.replace("test_02.png", "test_09.png"),
+    )
+    .unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_gspotential"))
+        .args(["eval", "run", "--again"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let line = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{line}");
+    assert!(
+        line.contains("`test_09.png`") && line.contains("no longer"),
+        "{line}"
+    );
 }
 
 #[test]
@@ -131,6 +230,34 @@ fn a_run_that_was_cut_short_is_no_run_to_evaluate() {
         line.starts_with("error: ") && line.contains("metrics.json"),
         "{line}"
     );
+}
+
+#[test]
+fn the_doctor_finds_every_stage_in_bounds_and_says_so_in_both_forms() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = run(folder.path(), &["doctor", "--json", "doctor.json"]);
+    let table = String::from_utf8(output.stdout).unwrap();
+    let report = json(&folder.path().join("doctor.json"));
+    assert_eq!(report["holds"], true, "{table}");
+    let stages = report["stages"].as_array().expect("stages");
+    assert_eq!(stages.len(), stage::ALL.len());
+    for (stage, name) in stages.iter().zip(stage::ALL) {
+        assert_eq!(stage["stage"], name);
+        assert!(stage["seconds"].as_f64() > Some(0.0), "{stage}");
+        assert!(stage["count"].as_u64() > Some(0), "{stage}");
+        assert!(stage["worst"]["error"].as_f64() <= stage["worst"]["bound"].as_f64());
+        let row = table
+            .lines()
+            .find(|line| line.starts_with(&format!("| {name} ")));
+        assert!(
+            row.is_some_and(|row| row.ends_with(" ok |")),
+            "{name}: {table}"
+        );
+    }
+    assert!(report["findings"].as_array().expect("findings").len() > 400);
+    let hashes = &report["repeat"]["hashes"];
+    assert_eq!(hashes[0], hashes[1]);
+    assert!(table.contains("equal to the bit") && table.contains("storage buffers"));
 }
 
 /// Trains a tiny scene into `out`.
@@ -187,7 +314,7 @@ fn lpips_is_measured_where_there_are_weights_and_is_never_zero_without() {
         "{table}"
     );
     assert!(
-        table.contains("| n/a |") && table.contains("lpips.LPIPS(net='vgg')"),
+        table.contains(" n/a |") && table.contains("lpips.LPIPS(net='vgg')"),
         "{table}"
     );
     let floats = json(&folder.join("run/eval.json"));

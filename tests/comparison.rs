@@ -24,6 +24,7 @@ struct Made {
     renders: Renders,
     train_s: f64,
     masked: bool,
+    cloud: Option<&'static str>,
 }
 
 const PAPER: Made = Made {
@@ -39,6 +40,7 @@ const PAPER: Made = Made {
     renders: Renders::Rounded,
     train_s: 100.0,
     masked: false,
+    cloud: None,
 };
 
 const BASELINE: Made = Made {
@@ -69,10 +71,12 @@ impl Made {
             iterations: config.iterations,
             scene: SceneRecord {
                 source: format!("/scenes/{}", self.scene),
+                cloud: self.cloud.map(str::to_owned),
                 name: self.scene.into(),
                 train_views: self.train_views.iter().map(|&v| v.into()).collect(),
                 test_views: vec!["t".into(), "u".into()],
                 n_points: 3,
+                carved_points: None,
                 pose_protocol: self.pose_protocol,
             },
             seconds: Seconds {
@@ -84,6 +88,7 @@ impl Made {
             memory: Memory::default(),
             loss: Vec::new(),
             model_size: Vec::new(),
+            curve: Vec::new(),
         }
     }
 
@@ -149,11 +154,13 @@ fn methods_of_a_scene_stand_together_with_the_best_in_bold() {
                 "**20.00**",
                 "**0.500**",
                 "n/a",
-                "101",
+                "101.0",
                 "1000",
                 "2.5"
             ],
-            ["", "3dgs", "18.00", "0.450", "n/a", "**51**", "1000", "2.5"],
+            [
+                "", "3dgs", "18.00", "0.450", "n/a", "**51.0**", "1000", "2.5"
+            ],
         ]
     );
     for part in [
@@ -254,6 +261,19 @@ fn other_settings_are_other_rows_that_say_so() {
 }
 
 #[test]
+fn another_cloud_is_another_row_that_names_it() {
+    let noisy = Made {
+        name: "noisy",
+        cloud: Some("/scenes/garden/sparse/0/points3D_noisy.ply"),
+        settings: &["seed=1"],
+        ..PAPER
+    };
+    let text = table(&[PAPER, noisy]);
+    assert_eq!(rows(&text).len(), 2, "{text}");
+    assert!(text.contains("paper (cloud=points3D_noisy.ply)"), "{text}");
+}
+
+#[test]
 fn other_image_sizes_and_test_views_are_other_blocks() {
     let large = Made {
         image_px: [640, 426],
@@ -297,6 +317,10 @@ fn means_over_scenes_are_of_methods_that_have_all() {
     assert_eq!(cells.len(), 7, "{text}");
     assert_eq!(cells[5][..3], ["mean of 2 scenes", "paper", "**25.00**"]);
     assert_eq!(cells[6][..3], ["", "3dgs", "24.50"]);
+    assert!(
+        text.contains("of the methods that are in all of them"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -314,6 +338,11 @@ fn lpips_of_different_nets_and_ranges_stand_apart() {
     let cells = rows(&text);
     assert_eq!(cells[0][4..6], ["0.200", "n/a"]);
     assert_eq!(cells[1][4..6], ["n/a", "0.180"]);
+    assert!(!text.contains("--lpips-weights"), "{text}");
+    // A column with a gap says how to fill it.
+    let text = table(&[vgg.clone(), BASELINE]);
+    assert_eq!(rows(&text)[1][4], "n/a");
+    assert!(text.contains("--lpips-weights"), "{text}");
     // Lower is better.
     let text = table(&[vgg, with(BASELINE, Net::Vgg, InputRange::Unit)]);
     assert_eq!(rows(&text)[1][4], "**0.180**");
@@ -330,7 +359,7 @@ fn masked_figures_have_columns_of_their_own() {
         BASELINE,
     ]);
     let cells = rows(&text);
-    assert_eq!(cells[0][5..8], ["**25.00**", "**0.900**", "n/a"]);
+    assert_eq!(cells[0][5..8], ["25.00", "0.900", "n/a"]);
     assert_eq!(cells[1][5..8], ["n/a", "n/a", "n/a"]);
     assert!(text.contains("Masked: PSNR of the mask's pixels"), "{text}");
 }

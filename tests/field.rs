@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::{DVec3, dvec3};
 use gspotential::camera::Camera;
-use gspotential::config::FieldConfig;
+use gspotential::config::{FieldConfig, Kernel};
 use gspotential::field::{Coverage, Field, Focus, fibonacci_sphere};
 use gspotential::scene::PointCloud;
 
@@ -14,6 +14,7 @@ fn field_of(directions: &[DVec3]) -> Field {
     let FieldConfig { sigma, lambda, .. } = paper().field;
     Field {
         directions: directions.to_vec(),
+        kernel: Kernel::Sech,
         sigma,
         lambda,
     }
@@ -270,6 +271,46 @@ fn potentials_agree_with_their_definitions() {
         let nearest = directions[field.nearest(p)];
         assert!((p.dot(nearest) - cos_nearest).abs() < 1e-15);
     }
+}
+
+#[test]
+fn von_mises_fisher_decays_to_one_percent_at_90_degrees_with_ln_100() {
+    let lone = |sigma: f64| Field {
+        kernel: Kernel::VonMisesFisher,
+        sigma,
+        ..field_of(&[DVec3::X])
+    };
+    let field = lone(100f64.ln());
+    assert_eq!(field.u_info(DVec3::X), 1.0);
+    assert!((field.u_info(DVec3::Y) - 0.01).abs() < 1e-15);
+    assert!((field.u_info(-DVec3::X) - 1e-4).abs() < 1e-15);
+    // The density's shape, exp(kappa p . v), up to its value at the peak.
+    let p = dvec3(0.6, 0.8, 0.0);
+    let expected = f64::exp(3.0 * 0.6) / f64::exp(3.0);
+    assert!((lone(3.0).u_info(p) - expected).abs() < 1e-15);
+    // The paper's reason for sech: with the same 1 %, it is the wider one in between.
+    let sech = field_of(&[DVec3::X]);
+    assert!(sech.u_info(p) > field.u_info(p));
+}
+
+#[test]
+fn the_configs_kernel_is_the_fields_and_kernels_sum_over_cameras() {
+    let cameras = ring(3, DVec3::ZERO);
+    let focus = Focus::find(&cameras, &PointCloud::default()).unwrap();
+    let config = paper().set("field.kernel=von_mises_fisher").unwrap();
+    let field = Field::new(&cameras, &focus, &config.field);
+    assert_eq!(field.kernel, Kernel::VonMisesFisher);
+    assert_eq!(
+        Field::new(&cameras, &focus, &paper().field).kernel,
+        Kernel::Sech
+    );
+    let p = dvec3(0.0, 0.6, 0.8);
+    let sum: f64 = field
+        .directions
+        .iter()
+        .map(|v| (config.field.sigma * (p.x * v.x + p.y * v.y + p.z * v.z - 1.0)).exp())
+        .sum();
+    assert!((field.u_info(p) - sum).abs() < 1e-14);
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use gspotential::compass::Compass;
+use gspotential::config::Kernel;
 use gspotential::field::{Field, fibonacci_sphere};
 use gspotential::gaps::{Gaps, uncovered};
 
@@ -18,6 +19,7 @@ fn ring(azimuths: &[f64], elevation: f64) -> Field {
             .iter()
             .map(|a| compass().direction(*a, elevation))
             .collect(),
+        kernel: Kernel::Sech,
         sigma: SIGMA,
         lambda: 0.2,
     }

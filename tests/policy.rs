@@ -1,7 +1,7 @@
 //! Which Gaussians come and go, against cases worked out by hand.
 
 use glam::{DVec3, Vec3};
-use gspotential::config::Config;
+use gspotential::config::{Config, Kernel};
 use gspotential::field::{Coverage, Field, fibonacci_sphere};
 use gspotential::train::policy::{Gathered, NEW, Plan, plan};
 
@@ -15,6 +15,7 @@ const EARLY: u32 = 600;
 fn coverage() -> Coverage {
     let field = Field {
         directions: vec![DVec3::X],
+        kernel: Kernel::Sech,
         sigma: 5.298292365610484,
         lambda: 0.2,
     };

@@ -4,8 +4,8 @@ use std::fs;
 
 use gspotential::config::Config;
 use gspotential::run::{
-    Evaluation, ImageLoss, LossSample, MaskedScore, Memory, Metrics, ModelSize, PoseProtocol,
-    RunDir, SceneRecord, Seconds, ViewScore, file_names, peak_host_bytes,
+    CurvePoint, Evaluation, ImageLoss, LossSample, MaskedScore, Memory, Metrics, ModelSize,
+    PoseProtocol, RunDir, SceneRecord, Seconds, ViewScore, file_names, peak_host_bytes,
 };
 use serde_json::Value;
 
@@ -209,10 +209,12 @@ fn metrics_read_back_and_keep_what_may_vary_apart() {
         iterations: 10,
         scene: SceneRecord {
             source: "builtin:64".into(),
+            cloud: Some("random".into()),
             name: "builtin".into(),
             train_views: vec!["a".into()],
             test_views: vec!["b".into()],
             n_points: 3,
+            carved_points: None,
             pose_protocol: PoseProtocol::SharedFrame,
         },
         seconds: Seconds {
@@ -236,6 +238,12 @@ fn metrics_read_back_and_keep_what_may_vary_apart() {
             iteration: 0,
             n_gaussians: 3,
             plan: None,
+        }],
+        curve: vec![CurvePoint {
+            iteration: 5,
+            n_gaussians: 3,
+            psnr: Some(20.5),
+            ssim: None,
         }],
     };
     run.write_metrics(&metrics).unwrap();

@@ -3,6 +3,8 @@
 use glam::{DMat3, DVec3, dvec3};
 use gspotential::camera::{Camera, Frame};
 use gspotential::config::SplatConfig;
+use gspotential::doctor::twin_of;
+use gspotential::reference::splat::{filtered, nearest_points};
 use gspotential::scene::PointCloud;
 use gspotential::splat::{SplatImage, splat_views};
 
@@ -45,58 +47,15 @@ fn plain_camera() -> Camera {
     }
 }
 
-/// The nearest point of every pixel by looking at all points for each pixel: squares that
-/// contain the pixel, smallest f32 depth, lowest index.
-fn brute_force(cloud: &PointCloud, camera: &Camera, size_px: u32, near: f64) -> Vec<Option<usize>> {
-    let mut nearest = Vec::new();
-    for row in 0..camera.height {
-        for column in 0..camera.width {
-            let mut best: Option<(f32, usize)> = None;
-            for (i, p) in cloud.positions.iter().enumerate() {
-                let q = camera.rotation * *p + camera.translation;
-                if q.z <= near {
-                    continue;
-                }
-                let left =
-                    (camera.fx * q.x / q.z + camera.cx - 0.5 * f64::from(size_px - 1)).floor();
-                let top =
-                    (camera.fy * q.y / q.z + camera.cy - 0.5 * f64::from(size_px - 1)).floor();
-                let inside = |pixel: u32, first: f64| {
-                    (first..first + f64::from(size_px)).contains(&f64::from(pixel))
-                };
-                if inside(column, left)
-                    && inside(row, top)
-                    && best.is_none_or(|(z, _)| (q.z as f32) < z)
-                {
-                    best = Some((q.z as f32, i));
-                }
-            }
-            nearest.push(best.map(|b| b.1));
-        }
-    }
-    nearest
-}
-
-/// The connectivity filter, pixel by pixel.
-fn brute_force_filter(mask: &[bool], width: usize, window: usize, min: usize) -> Vec<bool> {
-    let (reach, height) = ((window / 2) as isize, mask.len() / width);
-    let at = |x: isize, y: isize| {
-        (0..width as isize).contains(&x)
-            && (0..height as isize).contains(&y)
-            && mask[y as usize * width + x as usize]
-    };
-    (0..mask.len() as isize)
-        .map(|i| {
-            let (x, y) = (i % width as isize, i / width as isize);
-            let mut neighbors = 0;
-            for dy in -reach..=reach {
-                for dx in -reach..=reach {
-                    neighbors += usize::from((dx, dy) != (0, 0) && at(x + dx, y + dy));
-                }
-            }
-            at(x, y) && neighbors >= min
-        })
-        .collect()
+/// The nearest point of every pixel by looking at all points for each pixel.
+pub fn brute_force(
+    cloud: &PointCloud,
+    camera: &Camera,
+    size_px: u32,
+    near: f64,
+) -> Vec<Option<usize>> {
+    let points: Vec<[f64; 3]> = cloud.positions.iter().map(DVec3::to_array).collect();
+    nearest_points(&points, &twin_of(camera, near), size_px as usize)
 }
 
 fn random_cloud(seed: u64, n: usize) -> PointCloud {
@@ -264,7 +223,7 @@ fn the_filter_equals_its_brute_force_twin() {
             (201, 30),
         ] {
             let image = splat(&points, &view, &config(1, window, min));
-            let kept = brute_force_filter(&mask, width as usize, window as usize, min as usize);
+            let kept = filtered(&mask, width as usize, window as usize, min as usize);
             assert!(
                 image.mask().eq(kept.iter().copied()),
                 "{width}x{height} {window} {min}"

@@ -1,6 +1,6 @@
 //! `gspotential eval`
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
@@ -141,26 +141,8 @@ impl EvalArgs {
                     "{other} and {option} name the same file"
                 )));
             }
-            check_output(path, self.overwrite)?;
+            super::check_output(path, self.overwrite)?;
         }
         Ok(())
-    }
-}
-
-fn check_output(path: &Path, overwrite: bool) -> Result<()> {
-    if path.is_dir() {
-        return Err(Error::usage("is a folder").at_path(path));
-    }
-    if path.exists() && !overwrite {
-        return Err(Error::new("is there already")
-            .at_path(path)
-            .way_out("name another file, or replace it with --overwrite"));
-    }
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
-    match folder {
-        Some(folder) if !folder.is_dir() => {
-            Err(Error::new("its folder is not there").at_path(path))
-        }
-        _ => Ok(()),
     }
 }

@@ -55,12 +55,10 @@ impl FieldArgs {
         let scene = pipeline::load_scene(
             &self.scene.resolved()?,
             &LoadOptions {
-                max_width: config.scene.max_width_px,
-                max_size: config.scene.max_size_px,
                 train_views: self.train_views,
-                n_train: config.scene.n_train,
                 // They have no part in the field, and each would be decoded.
                 n_test: 0,
+                ..LoadOptions::new(&config)
             },
         )?;
         let maps = pipeline::field(&scene, &config)?;

@@ -1,6 +1,8 @@
 //! The commands. Logs go to stderr, tables to stdout.
 
 mod completions;
+mod doctor;
+mod dry_run;
 mod eval;
 mod export;
 mod field;
@@ -8,9 +10,11 @@ mod machine;
 mod measure;
 mod presets;
 mod render;
+mod study;
 mod train;
 
 use std::io::Write;
+use std::path::Path;
 
 use clap::{Parser, Subcommand};
 
@@ -23,6 +27,7 @@ Examples:
   gspotential field --scene scenes/garden              where photographs are missing
   gspotential eval runs/garden
   gspotential render --model runs/garden/point_cloud.ply --cameras runs/garden/cameras.json --out views
+  gspotential doctor                                   is this machine's adapter right?
 
 Exit codes: 0 done, 1 failed, 2 wrong usage.";
 
@@ -44,6 +49,8 @@ enum Command {
     Eval(eval::EvalArgs),
     Field(field::FieldArgs),
     Render(render::RenderArgs),
+    Study(study::StudyArgs),
+    Doctor(doctor::DoctorArgs),
     Export(export::ExportArgs),
     Presets(presets::PresetsArgs),
     ListAdapters(machine::AdaptersArgs),
@@ -59,6 +66,8 @@ impl Cli {
             Command::Eval(args) => args.run(),
             Command::Field(args) => args.run(),
             Command::Render(args) => args.run(),
+            Command::Study(args) => args.run(),
+            Command::Doctor(args) => args.run(),
             Command::Export(args) => args.run(),
             Command::Presets(args) => args.run(),
             Command::ListAdapters(args) => args.run(),
@@ -76,6 +85,25 @@ fn print(text: &str) -> Result<()> {
     {
         Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Error::new(format!("cannot write: {e}")).at("stdout"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Whether a file that a command writes may be written, before it takes time.
+fn check_output(path: &Path, overwrite: bool) -> Result<()> {
+    if path.is_dir() {
+        return Err(Error::usage("is a folder").at_path(path));
+    }
+    if path.exists() && !overwrite {
+        return Err(Error::new("is there already")
+            .at_path(path)
+            .way_out("name another file, or replace it with --overwrite"));
+    }
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+    match folder {
+        Some(folder) if !folder.is_dir() => {
+            Err(Error::new("its folder is not there").at_path(path))
         }
         _ => Ok(()),
     }

@@ -1,22 +1,18 @@
 //! `gspotential train`
 
+use std::num::NonZeroU32;
 use std::path::PathBuf;
-use std::time::Instant;
 
 use clap::Args;
 
+use super::dry_run;
 use super::measure::MeasureArgs;
 use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
-use crate::gpu::Gpu;
-use crate::pipeline::{self, DryRun};
-use crate::progress::short_time;
-use crate::report::{Table, evaluation_table};
+use crate::pipeline::{self, TrainJob};
+use crate::report::evaluation_table;
 use crate::run::RunDir;
-use crate::scene::{LoadOptions, Scene, SceneSource};
-
-/// A single training view has no pseudo-focus to put virtual views around.
-const MIN_TRAIN_VIEWS: usize = 2;
+use crate::scene::{CloudSource, SceneSource};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -76,6 +72,20 @@ pub struct TrainArgs {
     #[arg(long, value_name = "A,B,...", value_delimiter = ',')]
     train_views: Option<Vec<String>>,
 
+    /// Test views by name [default: split.json, or up to 60 of the others uniformly]
+    #[arg(long, value_name = "A,B,...", value_delimiter = ',')]
+    test_views: Option<Vec<String>>,
+
+    /// Another cloud than the scene's own: a file in the scene folder or elsewhere, `random`
+    /// points, or, of the built-in scene, `views:N` for one made from N views
+    #[arg(long, value_name = "FILE")]
+    cloud: Option<CloudSource>,
+
+    /// Measure at the test views every N iterations, too, for the curve in metrics.json; training
+    /// itself stays as it is, bit for bit
+    #[arg(long, value_name = "N")]
+    eval_every: Option<NonZeroU32>,
+
     /// Replace the run that --out holds
     #[arg(long)]
     overwrite: bool,
@@ -91,37 +101,27 @@ pub struct TrainArgs {
 impl TrainArgs {
     pub fn run(self) -> Result<()> {
         let config = self.resolved_config()?;
-        check_names(self.train_views.as_deref())?;
-        let max_px = config
-            .scene
-            .max_size_px
-            .unwrap_or(config.scene.max_width_px);
-        let source = self.scene.clone().resolved()?.at_most(max_px);
+        check_names("--train-views", self.train_views.as_deref())?;
+        check_names("--test-views", self.test_views.as_deref())?;
+        let job = TrainJob::new(self.scene.clone(), config)?;
+        let job = TrainJob {
+            cloud: match self.cloud {
+                Some(cloud) => Some(cloud.resolved(&job.source)?),
+                None => None,
+            },
+            train_views: self.train_views,
+            test_views: self.test_views,
+            eval_every: self.eval_every.map(NonZeroU32::get),
+            ..job
+        };
         let out = self
             .out
-            .unwrap_or_else(|| RunDir::default_path(&source.name(), &config));
-        RunDir::check(&out, self.overwrite)?;
-        // Before anything takes time or is written: a machine without an adapter is told at once,
-        // and the same command works once it has one.
-        let options = self.measure.options()?;
-        let gpu = Gpu::open()?;
-        log::info!("adapter: {}", gpu.describe());
-
-        let start = Instant::now();
-        let scene = pipeline::load_scene(&source, &load_options(&config, self.train_views))?;
-        let load_s = start.elapsed().as_secs_f64();
-        check_scene(&scene, &config)?;
-        options.check(&scene.test)?;
-        for warning in &scene.warnings {
-            log::warn!("{warning}");
-        }
-
+            .unwrap_or_else(|| RunDir::default_path(&job.source.name(), &job.config));
         if self.dry_run {
-            let dry = pipeline::dry_run(&gpu, &scene, &config)?;
-            return super::print(&dry_text(&scene, &config, &dry));
+            RunDir::check(&out, self.overwrite)?;
+            return super::print(&dry_run::text(&pipeline::dry_run(&job)?));
         }
-        let run = RunDir::create(&out, &config, self.overwrite)?;
-        let evaluation = pipeline::train(&gpu, &scene, &source, &config, load_s, &options, &run)?;
+        let (run, evaluation) = job.run(&out, self.overwrite, &self.measure.options()?)?;
         super::print(&evaluation_table(&run.name(), &evaluation))?;
         log::info!("wrote {}", run.root().display());
         Ok(())
@@ -147,75 +147,16 @@ impl TrainArgs {
     }
 }
 
-/// What a run would take, as a table.
-fn dry_text(scene: &Scene, config: &Config, dry: &DryRun) -> String {
-    let mut table = Table::new(&["", "value"]);
-    let mut row = |what: &str, value: String| table.row(&[what.to_owned(), value]);
-    let mebibytes = |bytes: u64| format!("{} MiB", bytes >> 20);
-    let [width, height] = dry.image_size;
-    row("scene", scene.source.clone());
-    row(
-        "training views",
-        format!("{} of {width}x{height}", scene.train.len()),
-    );
-    row("test views", scene.test.len().to_string());
-    row("virtual views", dry.n_virtual_views.to_string());
-    row("points", scene.cloud.len().to_string());
-    row("Gaussians at the start", dry.n_gaussians.to_string());
-    let most = dry
-        .max_gaussians
-        .map_or("the same".to_owned(), |n| n.to_string());
-    row("Gaussians at most", most);
-    row("GPU buffers at the start", mebibytes(dry.gpu_bytes));
-    row(
-        "process at the start",
-        dry.host_bytes.map_or("n/a".to_owned(), mebibytes),
-    );
-    row("preparation", short_time(dry.prepare_s));
-    row("an iteration", format!("{:.1} ms", 1e3 * dry.iteration_s));
-    let all = f64::from(config.iterations) * dry.iteration_s;
-    row(
-        &format!("{} iterations", config.iterations),
-        short_time(all),
-    );
-    format!(
-        "{table}\nTime and memory as measured at the start: they grow with the Gaussians and with the \
-         degree of their colours.\n"
-    )
-}
-
-fn load_options(config: &Config, train_views: Option<Vec<String>>) -> LoadOptions {
-    LoadOptions {
-        max_width: config.scene.max_width_px,
-        max_size: config.scene.max_size_px,
-        train_views,
-        n_train: config.scene.n_train,
-        n_test: config.scene.n_test,
-    }
-}
-
-fn check_names(train_views: Option<&[String]>) -> Result<()> {
-    let names = train_views.unwrap_or_default();
+fn check_names(option: &str, names: Option<&[String]>) -> Result<()> {
+    let names = names.unwrap_or_default();
     for (i, name) in names.iter().enumerate() {
         if name.is_empty() {
-            return Err(Error::usage("--train-views holds an empty name")
+            return Err(Error::usage(format!("{option} holds an empty name"))
                 .way_out("separate the names by single commas"));
         }
         if names[..i].contains(name) {
-            return Err(Error::usage(format!("--train-views names `{name}` twice")));
+            return Err(Error::usage(format!("{option} names `{name}` twice")));
         }
-    }
-    Ok(())
-}
-
-fn check_scene(scene: &Scene, config: &Config) -> Result<()> {
-    if config.views.count > 0 && scene.train.len() < MIN_TRAIN_VIEWS {
-        return Err(Error::new(format!(
-            "virtual views need {MIN_TRAIN_VIEWS} training views, there are {}",
-            scene.train.len()
-        ))
-        .at(format!("scene `{}`", scene.name))
-        .way_out("name more with --train-views, or train with --preset 3dgs"));
     }
     Ok(())
 }

@@ -11,10 +11,31 @@ use serde_json::Value;
 use super::Config;
 use crate::error::{Error, Result, read_file};
 
-/// Name and text of every preset; the first is the default.
+/// Name and text of every preset; the first is the default. Those of the ablation state what
+/// they change and from what, the others every value.
 pub const PRESETS: &[(&str, &str)] = &[
     ("paper", include_str!("../../configs/paper.json")),
     ("3dgs", include_str!("../../configs/3dgs.json")),
+    (
+        "ablation-virtual",
+        include_str!("../../configs/ablation/virtual.json"),
+    ),
+    (
+        "ablation-info",
+        include_str!("../../configs/ablation/info.json"),
+    ),
+    (
+        "ablation-prune",
+        include_str!("../../configs/ablation/prune.json"),
+    ),
+    (
+        "ablation-densify",
+        include_str!("../../configs/ablation/densify.json"),
+    ),
+    (
+        "ablation-both",
+        include_str!("../../configs/ablation/both.json"),
+    ),
 ];
 
 impl Config {
@@ -29,8 +50,19 @@ impl Config {
                 ),
             );
         };
-        serde_json::from_str(text)
-            .map_err(|e| Error::usage(e.to_string()).at(format!("preset `{name}`")))
+        let config = serde_json::from_str::<Value>(text)
+            .map_err(|e| Error::usage(e.to_string()))
+            .and_then(|tree| {
+                if tree["preset"] == name {
+                    serde_json::from_value(tree).map_err(|e| Error::usage(e.to_string()))
+                } else {
+                    Ok(Config {
+                        preset: name.to_owned(),
+                        ..Self::from_overlay(text.as_bytes())?
+                    })
+                }
+            });
+        config.map_err(|e| e.at(format!("preset `{name}`")))
     }
 
     /// The config of a file: a JSON object that states what it changes and, under `"preset"`,
@@ -92,24 +124,40 @@ impl Config {
         Ok(config)
     }
 
+    /// Every value in which this config differs from another, the preset's name aside: its key,
+    /// the value here and there.
+    ///
+    /// # Errors
+    /// A config that cannot be written.
+    pub fn differences(&self, from: &Config) -> Result<Vec<(String, Value, Value)>> {
+        let (here, there) = (self.tree()?, from.tree()?);
+        let mut keys = Vec::new();
+        list_keys(&here, "", &mut keys);
+        let value = |tree: &Value, key: &str| tree.pointer(&pointer(key)).cloned();
+        let values = keys.into_iter().filter_map(|key| {
+            let (a, b) = (value(&here, &key)?, value(&there, &key)?);
+            (a != b && !a.is_object() && key != "preset").then_some((key, a, b))
+        });
+        Ok(values.collect())
+    }
+
     /// The values that differ from the preset's, by dotted key in the order of the keys; the seed
     /// is none of them.
     pub fn changes(&self) -> Result<Vec<(String, Value)>> {
-        let preset = Config::preset(&self.preset)?.tree()?;
-        let own = self.tree()?;
-        let mut keys = Vec::new();
-        list_keys(&own, "", &mut keys);
-        let changed = |key: &String| {
-            let (value, before) = (own.pointer(&pointer(key))?, preset.pointer(&pointer(key)));
-            let differs = key != "seed" && !value.is_object() && Some(value) != before;
-            differs.then(|| (key.clone(), value.clone()))
-        };
-        Ok(keys.iter().filter_map(changed).collect())
+        let differences = self.differences(&Config::preset(&self.preset)?)?;
+        let changes = differences.into_iter().map(|(key, value, _)| (key, value));
+        Ok(changes.filter(|(key, _)| key != "seed").collect())
     }
 
     fn deserialize_at(tree: &Value, key: &str, shown: &str) -> Result<Config> {
-        serde_json::from_value(tree.clone())
-            .map_err(|e| Error::usage(format!("`{key}` cannot be {shown}: {e}")))
+        serde_json::from_value(tree.clone()).map_err(|e| {
+            let why = e.to_string();
+            let error = Error::usage(format!("`{key}` cannot be {shown}: {why}"));
+            match near_choice(shown, &why) {
+                Some(way_out) => error.way_out(way_out),
+                None => error,
+            }
+        })
     }
 
     pub(super) fn tree(&self) -> Result<Value> {
@@ -206,6 +254,14 @@ fn did_you_mean<'a>(wrong: &str, known: impl Iterator<Item = &'a str>) -> Option
         .min()
         .filter(|(distance, k)| *distance <= 1 + k.len() / 4)
         .map(|(_, k)| format!("did you mean `{k}`?"))
+}
+
+/// The nearest of the names that serde's message expects, as in "expected `a` or `b`", to the
+/// JSON string `shown`: so that no second list of an enum's names exists.
+fn near_choice(shown: &str, why: &str) -> Option<String> {
+    let wrong: String = serde_json::from_str(shown).ok()?;
+    let (_, expected) = why.split_once(", expected ")?;
+    did_you_mean(&wrong, expected.split('`').skip(1).step_by(2))
 }
 
 fn quoted(names: impl Iterator<Item = impl std::fmt::Display>) -> String {

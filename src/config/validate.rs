@@ -3,7 +3,7 @@
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 
-use super::Config;
+use super::{Config, Strategy};
 use crate::error::{Error, Result};
 
 impl Config {
@@ -11,6 +11,7 @@ impl Config {
     /// names key, value and what is allowed.
     pub fn validate(&self) -> Result<()> {
         self.validate_counts()?;
+        self.validate_carving()?;
         self.validate_method()?;
         self.validate_optimizer()?;
         self.validate_rules()
@@ -47,16 +48,12 @@ impl Config {
             format!("0 to field.n_candidates, which is {}", field.n_candidates),
         )?;
         positive("views.epsilon", views.epsilon)?;
+        self.validate_visibility()?;
 
         let splat = &self.splat;
         within("splat.size_px", splat.size_px, 1..=64)?;
         let window = splat.filter_window_px;
-        ensure(
-            window % 2 == 1 && window <= 63,
-            "splat.filter_window_px",
-            window,
-            "an odd number from 1 to 63",
-        )?;
+        odd_window("splat.filter_window_px", window)?;
         let neighbors = window * window - 1;
         within(
             "splat.filter_min_neighbors",
@@ -80,6 +77,42 @@ impl Config {
         let loss = &self.loss;
         within("loss.ssim_weight", loss.ssim_weight, 0.0..=1.0)?;
         not_negative("loss.virtual_weight", loss.virtual_weight)
+    }
+
+    fn validate_visibility(&self) -> Result<()> {
+        let visibility = &self.views.visibility;
+        ensure(
+            visibility.max_angle_deg > 0.0 && visibility.max_angle_deg <= 180.0,
+            "views.visibility.max_angle_deg",
+            visibility.max_angle_deg,
+            "above 0, at most 180",
+        )?;
+        // Beyond, small shares leave no weight that a number can hold.
+        within("views.visibility.power", visibility.power, 0.0..=16.0)?;
+        within(
+            "views.visibility.min_share",
+            visibility.min_share,
+            0.0..=1.0,
+        )?;
+        inside_unit(
+            "views.visibility.depth_tolerance",
+            visibility.depth_tolerance,
+        )?;
+        ensure(
+            !(visibility.enabled && self.views.strategy == Strategy::Interpolation),
+            "views.visibility.enabled",
+            visibility.enabled,
+            "false with views.strategy interpolation, which has no candidates to weigh",
+        )
+    }
+
+    fn validate_carving(&self) -> Result<()> {
+        let carve = &self.carve;
+        within("carve.threshold", carve.threshold, 0.0..=1.0)?;
+        odd_window("carve.window_px", carve.window_px)?;
+        inside_unit("carve.depth_tolerance", carve.depth_tolerance)?;
+        within("carve.max_rounds", carve.max_rounds, 1..=1000)?;
+        inside_unit("carve.max_share", carve.max_share)
     }
 
     fn validate_optimizer(&self) -> Result<()> {
@@ -195,6 +228,15 @@ fn within<T: PartialOrd + Display + Copy>(
         key,
         value,
         format!("{low} to {high}"),
+    )
+}
+
+fn odd_window(key: &str, px: u32) -> Result<()> {
+    ensure(
+        px % 2 == 1 && px <= 63,
+        key,
+        px,
+        "an odd number from 1 to 63",
     )
 }
 

@@ -11,6 +11,8 @@ pub struct Gpu {
     pub queue: wgpu::Queue,
     pub info: wgpu::AdapterInfo,
     pub limits: wgpu::Limits,
+    /// What the adapter offers; of it, only timestamps are used, where there are any.
+    pub features: wgpu::Features,
     pub(super) allocated: Arc<AtomicU64>,
     pub(super) peak: AtomicU64,
     faults: Arc<Mutex<Option<String>>>,
@@ -26,10 +28,11 @@ impl Gpu {
         let adapter = choose(adapters()?, PREFERRED.get().map(String::as_str))?;
         let info = adapter.get_info();
         let limits = adapter.limits();
+        let features = adapter.features();
         let wanted = wgpu::Features::TIMESTAMP_QUERY;
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("gspotential"),
-            required_features: adapter.features() & wanted,
+            required_features: features & wanted,
             required_limits: limits.clone(),
             ..Default::default()
         }))
@@ -46,6 +49,7 @@ impl Gpu {
             queue,
             info,
             limits,
+            features,
             allocated: Arc::new(AtomicU64::new(0)),
             peak: AtomicU64::new(0),
             faults,

@@ -2,7 +2,7 @@
 //! second list of bindings exists, and the commands that dispatch them.
 
 use super::constants::WORKGROUP;
-use super::{Buffer, Gpu, Profile, shader};
+use super::{Buffer, Gpu, Profile};
 
 /// One entry point of one stage.
 pub struct Kernel {
@@ -14,17 +14,11 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// Compiles entry point `entry` of `stage`.
+    /// Compiles entry point `entry` of a complete WGSL `source`; `stage` names it in messages.
     ///
     /// # Panics
     /// If the shader does not validate: a fault in this program; the message is naga's.
-    pub fn new(gpu: &Gpu, stage: &str, entry: &'static str) -> Kernel {
-        Self::for_degree(gpu, stage, entry, 0)
-    }
-
-    /// [`Kernel::new`] for an active SH degree.
-    pub fn for_degree(gpu: &Gpu, stage: &str, entry: &'static str, sh_degree: u32) -> Kernel {
-        let source = shader::compose(stage, sh_degree);
+    pub fn from_source(gpu: &Gpu, stage: &str, entry: &'static str, source: String) -> Kernel {
         let module = naga::front::wgsl::parse_str(&source)
             .unwrap_or_else(|e| panic!("{}", e.emit_to_string_with_path(&source, stage)));
         let flags = naga::valid::ValidationFlags::all();

@@ -37,6 +37,10 @@ pub const STAGES: &[(&str, &str)] = sources![
     "reset_opacity",
 ];
 
+/// Where kernels get the complete WGSL of a stage and an SH degree: [`compose`], or what a bench
+/// or a test has made of it.
+pub type Sources<'a> = &'a dyn Fn(&str, u32) -> String;
+
 /// The complete WGSL of a stage, with `SH_DEGREE` for the active degree: a constant, because a
 /// software driver runs both sides of every branch.
 ///

@@ -3,13 +3,11 @@
 use std::time::Instant;
 
 use super::train::fitted;
-use super::{Prepared, prepare};
-use crate::config::Config;
+use super::{Prepared, TrainJob, prepare};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::render::Kernels;
 use crate::run::{Seconds, peak_host_bytes};
-use crate::scene::Scene;
 use crate::train::Trainer;
 
 /// Iterations that warm up kernels and buffers, and iterations that are timed.
@@ -19,6 +17,12 @@ const N_TIMED: u32 = 8;
 /// A run as it starts. Nothing of it is written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DryRun {
+    /// What was loaded from where.
+    pub scene: String,
+    pub n_training_views: usize,
+    pub n_test_views: usize,
+    pub n_points: usize,
+    pub n_iterations: u32,
     pub n_gaussians: usize,
     /// Gaussians at which growth stops; None where nothing grows.
     pub max_gaussians: Option<usize>,
@@ -34,15 +38,17 @@ pub struct DryRun {
     pub host_bytes: Option<u64>,
 }
 
-/// Prepares `scene` and takes the first iterations of training.
+/// Loads and prepares the scene of `job` and takes the first iterations of training.
 ///
 /// # Errors
 /// What training refuses.
-pub fn dry_run(gpu: &Gpu, scene: &Scene, config: &Config) -> Result<DryRun> {
+pub fn dry_run(job: &TrainJob) -> Result<DryRun> {
+    let gpu = &Gpu::open()?;
+    let (scene, config) = (job.load()?, &job.config);
     let begin = Instant::now();
     let Prepared {
         supervision, start, ..
-    } = prepare(scene, config, &mut Seconds::default())?;
+    } = prepare(&scene, config, &mut Seconds::default())?;
     let prepare_s = begin.elapsed().as_secs_f64();
     let config = fitted(config, gpu, start.len())?;
     let kernels = Kernels::new(gpu);
@@ -63,6 +69,11 @@ pub fn dry_run(gpu: &Gpu, scene: &Scene, config: &Config) -> Result<DryRun> {
     let timed_s = run(N_WARM, N_TIMED)?;
     let camera = &supervision.real[0].camera;
     Ok(DryRun {
+        n_training_views: scene.train.len(),
+        n_test_views: scene.test.len(),
+        n_points: scene.cloud.len(),
+        scene: scene.source,
+        n_iterations: config.iterations,
         n_gaussians: start.len(),
         max_gaussians: config
             .densify

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::prepare::carved;
 use super::{focus_of, load_scene};
 use crate::camera::Frame;
 use crate::config::Config;
@@ -13,8 +14,8 @@ use crate::gpu::Gpu;
 use crate::metrics::quantize;
 use crate::render::Kernels;
 use crate::report::{ContactSheet, SceneRuns, write_comparison, write_png, write_run_page};
-use crate::run::{Evaluation, Measured, Metrics, PoseProtocol, RunDir, file_names};
-use crate::scene::{LoadOptions, Scene, SceneSource, View};
+use crate::run::{Evaluation, Measured, Metrics, PoseProtocol, RunDir, SceneRecord, file_names};
+use crate::scene::{CloudSource, LoadOptions, PointCloud, Scene, SceneSource, View};
 
 /// The evaluation that `run` holds, where it is that of its model, config and scene as they are
 /// now, by this version, as `options` ask. Where they ask for no LPIPS it may have one. A scene
@@ -31,7 +32,7 @@ pub fn evaluation_at_hand(run: &RunDir, options: &EvalOptions) -> Result<Option<
         return Ok(None);
     };
     let record = run.metrics()?.scene;
-    let stamp = record.source.parse::<SceneSource>()?.stamp();
+    let stamp = stamp_of(&record)?;
     let mut now = measured(run, options, stamp, record.pose_protocol)?;
     now.image_px = held.image_px;
     if now.scene_stamp.is_none() {
@@ -40,7 +41,9 @@ pub fn evaluation_at_hand(run: &RunDir, options: &EvalOptions) -> Result<Option<
     if now.lpips.is_none() {
         now.lpips = held.lpips.clone();
     }
-    Ok((now == *held).then_some(evaluation))
+    let names = evaluation.views.iter().map(|view| &view.name);
+    let is_current = now == *held && names.eq(&record.test_views);
+    Ok(is_current.then_some(evaluation))
 }
 
 /// Renders the test views of a run from its model and measures them; writes `eval.json` and
@@ -56,18 +59,20 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
         .at_path(run.root())
         .way_out("evaluate it with the version that made it"));
     }
-    let source = metrics.scene.source.parse::<SceneSource>()?;
-    let stamp = source.stamp();
-    let scene = reload(source, &config, &metrics).map_err(|e| e.at_path(run.root()))?;
+    let stamp = stamp_of(&metrics.scene)?;
+    let scene = reload(&config, &metrics).map_err(|e| e.at_path(run.root()))?;
     options
         .check(&scene.test)
         .map_err(|e| e.at_path(run.root()))?;
     let (_, frame) = focus_of(&scene)?;
+    let carved = carved(&scene, &frame, &config)?;
+    let cloud = carved.as_ref().map_or(&scene.cloud, |c| &c.cloud);
     let gpu = Gpu::open()?;
     let kernels = Kernels::new(&gpu);
     let device = (&gpu, &kernels);
     let what = (run, options, stamp);
-    let evaluation = measure(device, &scene, &frame, &config, what, metrics.seconds.train)?;
+    let seen = (scene.test.as_slice(), cloud);
+    let evaluation = measure(device, seen, &frame, &config, what, metrics.seconds.train)?;
     write_run_page(run, &scene.test, &frame)?;
     Ok(evaluation)
 }
@@ -84,8 +89,7 @@ pub fn compare(runs: &[RunDir], path: &Path) -> Result<()> {
             scene.add(run)?;
             continue;
         }
-        let source = metrics.scene.source.parse()?;
-        let loaded = reload(source, &config, &metrics).map_err(|e| e.at_path(run.root()))?;
+        let loaded = reload(&config, &metrics).map_err(|e| e.at_path(run.root()))?;
         let mut scene = SceneRuns::new(&metrics.scene, &loaded.test, runs.len())?;
         scene.add(run)?;
         scenes.push(scene);
@@ -94,38 +98,39 @@ pub fn compare(runs: &[RunDir], path: &Path) -> Result<()> {
 }
 
 /// The scene as the run was trained on it.
-fn reload(source: SceneSource, config: &Config, metrics: &Metrics) -> Result<Scene> {
-    let source = source.resolved()?;
+fn reload(config: &Config, metrics: &Metrics) -> Result<Scene> {
+    let source = metrics.scene.source.parse::<SceneSource>()?.resolved()?;
     let scene = load_scene(
         &source,
         &LoadOptions {
-            train_views: match source {
-                SceneSource::Folder(_) => Some(metrics.scene.train_views.clone()),
-                SceneSource::Builtin { .. } => None,
-            },
-            max_width: config.scene.max_width_px,
-            max_size: config.scene.max_size_px,
-            n_train: config.scene.n_train,
-            n_test: config.scene.n_test,
+            train_views: Some(metrics.scene.train_views.clone()),
+            test_views: Some(metrics.scene.test_views.clone()),
+            cloud: cloud_of(&metrics.scene)?,
+            ..LoadOptions::new(config)
         },
-    )?;
-    let names = |views: &[View]| -> Vec<String> {
-        views.iter().map(|view| view.camera.name.clone()).collect()
-    };
-    if names(&scene.test) != metrics.scene.test_views {
-        return Err(Error::new(format!(
-            "the test views of {} are no longer those of the run",
-            metrics.scene.source
-        ))
-        .way_out("restore the scene's images and split, or train again"));
-    }
-    Ok(scene)
+    );
+    // What is wrong is the scene, not the command.
+    scene.map_err(|e| {
+        Error::new(format!("the scene is no longer as it was trained on: {e}"))
+            .way_out("restore its files, or train again")
+    })
 }
 
-/// Measures the model in `run` at the test views of `scene` and writes what it finds.
+/// The cloud that is not the scene's own.
+fn cloud_of(record: &SceneRecord) -> Result<Option<CloudSource>> {
+    record.cloud.as_deref().map(str::parse).transpose()
+}
+
+fn stamp_of(record: &SceneRecord) -> Result<Option<String>> {
+    let source = record.source.parse::<SceneSource>()?;
+    Ok(source.stamp(cloud_of(record)?.as_ref()))
+}
+
+/// Measures the model in `run` and the bare splat of `cloud` at the test `views` and writes what
+/// it finds.
 pub(super) fn measure(
     device: (&Gpu, &Kernels),
-    scene: &Scene,
+    (views, cloud): (&[View], &PointCloud),
     frame: &Frame,
     config: &Config,
     (run, options, scene_stamp): (&RunDir, &EvalOptions, Option<String>),
@@ -133,7 +138,6 @@ pub(super) fn measure(
 ) -> Result<Evaluation> {
     // The file, not the model in memory: what is measured is what others will open.
     let gaussians = read_ply(&run.point_cloud())?.to_canonical(frame);
-    let views = &scene.test;
     let names: Vec<&str> = views.iter().map(|view| view.camera.name.as_str()).collect();
     let files = file_names(&names, "png");
     let mut sheet = match views.first() {
@@ -167,7 +171,7 @@ pub(super) fn measure(
     }
     let mut evaluation = Evaluation::new(scores, gaussians.len(), train_s);
     if !views.is_empty() {
-        let splat = eval::score_point_splat(&scene.cloud, frame, views, config)?;
+        let splat = eval::score_point_splat(cloud, frame, views, config)?;
         evaluation.point_splat = Some(splat);
     }
     let mut measured = measured(run, options, scene_stamp, PoseProtocol::SharedFrame)?;

@@ -3,6 +3,7 @@
 use glam::DVec3;
 use serde::Serialize;
 
+use super::prepare::{carved, choose_views};
 use super::{cameras, focus_of};
 use crate::compass::Compass;
 use crate::config::Config;
@@ -11,7 +12,6 @@ use crate::field::{Field, Focus, angle};
 use crate::gaps::{Gaps, uncovered};
 use crate::report::plot::{MapMark, SphereMap};
 use crate::scene::Scene;
-use crate::views::virtual_views;
 
 const TRAINING_COLOR: [u8; 3] = [224, 60, 49];
 const VIRTUAL_COLOR: [u8; 3] = [255, 255, 255];
@@ -91,7 +91,9 @@ pub fn field(scene: &Scene, config: &Config) -> Result<FieldMaps> {
         compass: Compass::of_cameras(&training, focus.center)?,
         names: training.iter().map(|camera| camera.name.clone()).collect(),
     };
-    let views = virtual_views(&training, &focus, &map.field, config)?;
+    let carved = carved(scene, &focus.frame(), config)?;
+    let cloud = carved.as_ref().map_or(&scene.cloud, |c| &c.cloud);
+    let views = choose_views(&training, (&focus, &map.field), cloud, config)?;
     let gaps = Gaps::find(&map.field, &map.compass)
         .ok_or_else(|| Error::new("no training camera to look for gaps with"))?;
     let drawn: Vec<DVec3> = views.iter().map(|view| view.direction).collect();

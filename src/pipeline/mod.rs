@@ -4,6 +4,7 @@ mod depth;
 mod dry_run;
 mod evaluate;
 mod field;
+mod job;
 mod orbit;
 mod prepare;
 mod render;
@@ -12,7 +13,8 @@ mod train;
 pub use dry_run::{DryRun, dry_run};
 pub use evaluate::{compare, evaluate, evaluation_at_hand};
 pub use field::{Advice, FieldMaps, FieldReport, Place, Uncovered, field};
-pub use prepare::{Prepared, prepare};
+pub use job::TrainJob;
+pub use prepare::{Prepared, n_start, prepare};
 pub use render::render;
 pub use train::train;
 
@@ -20,9 +22,8 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use crate::camera::{Camera, Frame};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::field::Focus;
-use crate::scene::builtin::BuiltinOptions;
 use crate::scene::{self, LoadOptions, Scene, SceneSource, View};
 
 /// What `render` renders.
@@ -73,24 +74,15 @@ pub enum RenderFormat {
 pub fn load_scene(source: &SceneSource, options: &LoadOptions) -> Result<Scene> {
     match source {
         SceneSource::Folder(folder) => scene::load(folder, options),
-        SceneSource::Builtin { width } => {
-            if options.train_views.is_some() {
-                return Err(
-                    Error::usage("the built-in scene's training views are fixed")
-                        .way_out("leave --train-views out, or name a scene folder"),
-                );
-            }
-            Ok(scene::builtin::scene(&BuiltinOptions {
-                width: *width,
-                n_test: options.n_test,
-                ..BuiltinOptions::default()
-            }))
-        }
+        SceneSource::Builtin { width } => scene::load_builtin(*width, options),
     }
 }
 
 /// Focus and frame of a scene's training cameras.
-fn focus_of(scene: &Scene) -> Result<(Focus, Frame)> {
+///
+/// # Errors
+/// A camera layout without a sphere.
+pub fn focus_of(scene: &Scene) -> Result<(Focus, Frame)> {
     let focus = Focus::find(&cameras(&scene.train), &scene.cloud)?;
     let frame = focus.frame();
     Ok((focus, frame))

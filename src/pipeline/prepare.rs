@@ -1,21 +1,25 @@
-//! Everything between the scene and the first iteration: focus, field, virtual views, their
-//! point splats, and the Gaussians to start from.
+//! Everything between the scene and the first iteration: focus, field, carving, virtual views,
+//! their point splats, and the Gaussians to start from.
 
 use super::{Clock, cameras, focus_of};
 use crate::camera::{Camera, Frame};
+use crate::carve::{Carved, carve};
 use crate::config::Config;
 use crate::error::Result;
-use crate::field::{Coverage, Field, fibonacci_sphere};
+use crate::field::{Coverage, Field, Focus, fibonacci_sphere};
 use crate::gaussians::Gaussians;
 use crate::run::Seconds;
-use crate::scene::{Image, Scene, thin};
+use crate::scene::{Image, PointCloud, Scene, thin};
 use crate::splat::{SplatImage, splat_views};
 use crate::train::{Supervision, TrainingView};
-use crate::views::{VirtualView, virtual_views};
+use crate::views::{VirtualView, candidates, virtual_views};
+use crate::visibility::candidate_shares;
 
 /// What training starts from.
 pub struct Prepared {
     pub frame: Frame,
+    /// The cloud that all of this is made from, where it is not the scene's own.
+    pub carved: Option<Carved>,
     /// World frame.
     pub virtual_cameras: Vec<Camera>,
     /// Canonical frame.
@@ -29,7 +33,8 @@ pub struct Prepared {
 /// Prepares `scene` as `config` says; adds the stages' times to `seconds`.
 ///
 /// # Errors
-/// A camera layout without a sphere, more virtual views than candidates, or an empty cloud.
+/// A camera layout without a sphere, more virtual views than candidates, no candidate that shows
+/// what a camera sees where the config asks for that, or an empty cloud.
 pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<Prepared> {
     let train_cameras = cameras(&scene.train);
     let mut clock = Clock::start();
@@ -37,24 +42,78 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     let field = Field::new(&train_cameras, &focus, &config.field);
     let coverage = Coverage::new(&field, &fibonacci_sphere(config.field.n_candidates));
     seconds.field = Some(clock.lap());
-    let virtual_views = virtual_views(&train_cameras, &focus, &field, config)?;
+    let carved = carved(scene, &frame, config)?;
+    seconds.carve = carved.as_ref().map(|_| clock.lap());
+    let cloud = carved.as_ref().map_or(&scene.cloud, |c| &c.cloud);
+    let virtual_views = choose_views(&train_cameras, (&focus, &field), cloud, config)?;
     let virtual_cameras: Vec<Camera> = virtual_views.iter().map(|v| v.camera.clone()).collect();
     seconds.sample = Some(clock.lap());
     let near = config.model.near;
-    let splats = splat_views(&scene.cloud, &frame, &virtual_cameras, &config.splat, near)?;
+    let splats = splat_views(cloud, &frame, &virtual_cameras, &config.splat, near)?;
     seconds.splat = Some(clock.lap());
 
-    let n_pixels: usize = scene.train.iter().map(|view| n_pixels(&view.image)).sum();
-    let n_points = config.scene.max_points.unwrap_or(n_pixels);
-    let cloud = thin(&scene.cloud, n_points, config.seed);
-    let start = Gaussians::from_cloud(&cloud, &frame, &config.model)?;
+    let thinned = thin(cloud, n_start(scene, config), config.seed);
+    let start = Gaussians::from_cloud(&thinned, &frame, &config.model)?;
+    let mut warnings: Vec<String> = focus.fallback.into_iter().collect();
+    warnings.extend(carved.as_ref().and_then(|c| c.warning.clone()));
+    if virtual_views.len() < config.views.count {
+        warnings.push(format!(
+            "{} virtual views instead of {} (views.count): no other candidate reaches \
+             views.visibility.min_share, {}",
+            virtual_views.len(),
+            config.views.count,
+            config.views.visibility.min_share
+        ));
+    }
     Ok(Prepared {
         supervision: supervision(scene, &frame, coverage, &virtual_views, splats),
-        warnings: focus.fallback.into_iter().collect(),
+        warnings,
+        carved,
         frame,
         virtual_cameras,
         start,
     })
+}
+
+/// Number of points that training on `scene` starts from: `scene.max_points`, else one a training
+/// pixel, and no more than the cloud has before carving.
+pub fn n_start(scene: &Scene, config: &Config) -> usize {
+    let n_pixels: usize = scene.train.iter().map(|view| n_pixels(&view.image)).sum();
+    let wanted = config.scene.max_points.unwrap_or(n_pixels);
+    wanted.min(scene.cloud.len())
+}
+
+/// The scene's cloud after carving, where `config` asks for it.
+pub(super) fn carved(scene: &Scene, frame: &Frame, config: &Config) -> Result<Option<Carved>> {
+    let near = config.model.near;
+    config
+        .carve
+        .enabled
+        .then(|| carve(&scene.cloud, frame, &scene.train, &config.carve, near))
+        .transpose()
+}
+
+/// The virtual views; weighed by what they show of `cloud` where `config` asks for it.
+pub(super) fn choose_views(
+    train: &[Camera],
+    (focus, field): (&Focus, &Field),
+    cloud: &PointCloud,
+    config: &Config,
+) -> Result<Vec<VirtualView>> {
+    let shares = if config.views.visibility.enabled && config.views.count > 0 {
+        let candidates = candidates(train, focus, field, config)?;
+        let candidates: Vec<Camera> = candidates.into_iter().map(|v| v.camera).collect();
+        Some(candidate_shares(
+            &candidates,
+            cloud,
+            &focus.frame(),
+            train,
+            config,
+        )?)
+    } else {
+        None
+    };
+    virtual_views(train, focus, field, shares.as_deref(), config)
 }
 
 /// The views that the optimiser learns from, in the canonical frame.

@@ -108,16 +108,7 @@ fn beside(png: &Path, ending: &str) -> PathBuf {
 fn choose(job: &RenderJob, config: &Config) -> Result<(Vec<Camera>, Frame)> {
     match &job.cameras {
         CameraSource::Scene(source) => {
-            let scene = load_scene(
-                source,
-                &LoadOptions {
-                    max_width: config.scene.max_width_px,
-                    max_size: None,
-                    train_views: None,
-                    n_train: config.scene.n_train,
-                    n_test: config.scene.n_test,
-                },
-            )?;
+            let scene = load_scene(source, &LoadOptions::new(config))?;
             let (focus, frame) = focus_of(&scene)?;
             let train = cameras(&scene.train);
             let chosen = match &job.views {
@@ -125,7 +116,7 @@ fn choose(job: &RenderJob, config: &Config) -> Result<(Vec<Camera>, Frame)> {
                 Some(ViewSelection::Test) | None => cameras(&scene.test),
                 Some(ViewSelection::Virtual) => {
                     let field = Field::new(&train, &focus, &config.field);
-                    let views = virtual_views(&train, &focus, &field, config)?;
+                    let views = virtual_views(&train, &focus, &field, None, config)?;
                     views.into_iter().map(|view| view.camera).collect()
                 }
                 Some(ViewSelection::Orbit(n)) => orbit(&train, &focus, *n)?,

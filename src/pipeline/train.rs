@@ -1,42 +1,47 @@
 //! Training a scene: the stages in a row, timed, into a run directory.
 
-use super::{Clock, Prepared, cameras, evaluate, prepare};
+use std::time::Instant;
+
+use super::{Clock, Prepared, TrainJob, cameras, evaluate, prepare};
+use crate::camera::Frame;
 use crate::cameras_json::write_cameras;
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::eval::EvalOptions;
+use crate::eval::{self, EvalOptions};
 use crate::gaussians::ply::write_ply;
 use crate::gpu::Gpu;
 use crate::progress::Progress;
-use crate::render::{Kernels, most_gaussians};
+use crate::render::{Kernels, Model, Renderer, most_gaussians};
 use crate::report::{ContactSheet, mask_image, write_png, write_run_page};
 use crate::run::{
-    Evaluation, LossSample, Memory, Metrics, ModelSize, PoseProtocol, RunDir, SceneRecord, Seconds,
-    peak_host_bytes,
+    CurvePoint, Evaluation, LossSample, Memory, Metrics, ModelSize, PoseProtocol, RunDir,
+    SceneRecord, Seconds, peak_host_bytes,
 };
-use crate::scene::{Image, Scene, SceneSource, View};
+use crate::scene::{Image, Scene, View};
 use crate::train::{self, Observer, TrainingView};
 
-/// Trains on `scene`, evaluates at its test views as `options` say and writes all into `run`;
+/// Trains on `scene`, which is `job`'s, evaluates at its test views as `options` say and writes all
+/// into `run`;
 /// `load_s` is how long loading took.
 pub fn train(
     gpu: &Gpu,
     scene: &Scene,
-    source: &SceneSource,
-    config: &Config,
+    job: &TrainJob,
     load_s: f64,
     options: &EvalOptions,
     run: &RunDir,
 ) -> Result<Evaluation> {
+    let config = &job.config;
     options.check(&scene.test)?;
     // Of the files as they are now: a mask that is drawn while training runs was not loaded.
-    let stamp = source.stamp();
+    let stamp = job.source.stamp(job.cloud.as_ref());
     let mut seconds = Seconds {
         load: Some(load_s),
         ..Seconds::default()
     };
     let Prepared {
         frame,
+        carved,
         virtual_cameras,
         supervision,
         start,
@@ -45,12 +50,12 @@ pub fn train(
     for warning in &warnings {
         log::warn!("{warning}");
     }
+    let cloud = carved.as_ref().map_or(&scene.cloud, |c| &c.cloud);
+    if let Some(carved) = &carved {
+        log_carving(&carved.removed, scene.cloud.len());
+    }
     let config = &fitted(config, gpu, start.len())?;
-    log::info!(
-        "{} Gaussians from {} points",
-        start.len(),
-        scene.cloud.len()
-    );
+    log::info!("{} Gaussians from {} points", start.len(), cloud.len());
     write_virtual_sheet(run, &supervision.virtual_views)?;
     let all = [cameras(&scene.train), cameras(&scene.test), virtual_cameras].concat();
     write_cameras(&run.cameras(), &all)?;
@@ -59,18 +64,38 @@ pub fn train(
     let kernels = Kernels::new(gpu);
     let mut log = Log {
         progress: Progress::new(config.iterations),
+        curve: job.eval_every.map(|every| Curve {
+            every,
+            renderer: Renderer::new(gpu, &kernels),
+            views: &scene.test,
+            frame: &frame,
+            config,
+            options: EvalOptions {
+                lpips: None,
+                ..options.clone()
+            },
+            points: Vec::new(),
+            seconds: 0.0,
+        }),
     };
     let trained = train::train(gpu, &kernels, &start, &supervision, config, &mut log)?;
     log.progress.finish();
-    seconds.train = Some(clock.lap());
+    let (mut curve, curve_s) = log
+        .curve
+        .map_or((Vec::new(), 0.0), |c| (c.points, c.seconds));
+    seconds.train = Some(clock.lap() - curve_s);
     write_ply(&run.point_cloud(), &trained.gaussians, &frame)?;
 
     clock.lap();
     let device = (gpu, &kernels);
+    let seen = (scene.test.as_slice(), cloud);
     let train_s = seconds.train;
     let what = (run, options, stamp);
-    let evaluation = evaluate::measure(device, scene, &frame, config, what, train_s)?;
-    seconds.eval = Some(clock.lap());
+    let evaluation = evaluate::measure(device, seen, &frame, config, what, train_s)?;
+    seconds.eval = Some(clock.lap() + curve_s);
+    if job.eval_every.is_some() {
+        curve.push(curve_point(config.iterations, &evaluation));
+    }
     let names = |views: &[View]| views.iter().map(|view| view.camera.name.clone()).collect();
     run.write_metrics(&Metrics {
         version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -78,11 +103,13 @@ pub fn train(
         seed: config.seed,
         iterations: config.iterations,
         scene: SceneRecord {
-            source: source.to_string(),
+            source: job.source.to_string(),
+            cloud: job.cloud.as_ref().map(ToString::to_string),
             name: scene.name.clone(),
             train_views: names(&scene.train),
             test_views: names(&scene.test),
             n_points: scene.cloud.len(),
+            carved_points: carved.map(|c| c.removed),
             pose_protocol: PoseProtocol::SharedFrame,
         },
         seconds,
@@ -92,9 +119,25 @@ pub fn train(
         },
         loss: trained.samples,
         model_size: model_sizes(start.len(), &trained.plans),
+        curve,
     })?;
     write_run_page(run, &scene.test, &frame)?;
     Ok(evaluation)
+}
+
+/// How many of `n_points` each round took.
+fn log_carving(removed: &[usize], n_points: usize) {
+    let rounds: Vec<String> = removed.iter().map(usize::to_string).collect();
+    log::info!(
+        "carved {} of {n_points} points: {} in {} rounds",
+        removed.iter().sum::<usize>(),
+        if rounds.is_empty() {
+            "none".to_owned()
+        } else {
+            rounds.join(" + ")
+        },
+        rounds.len()
+    );
 }
 
 /// The config with its cap on Gaussians lowered to what the adapter can bind.
@@ -156,12 +199,67 @@ fn model_sizes(start: usize, plans: &[train::PlanRecord]) -> Vec<ModelSize> {
     std::iter::once(first).chain(rest).collect()
 }
 
-/// Shows the training's progress.
-struct Log {
+/// Shows the training's progress, and measures on the way where a curve is asked for.
+struct Log<'a> {
     progress: Progress,
+    curve: Option<Curve<'a>>,
 }
 
-impl Observer for Log {
+/// Errors at the test views every so many iterations. The last iteration's are those of the
+/// written model, which are measured anyway.
+struct Curve<'a> {
+    every: u32,
+    renderer: Renderer<'a>,
+    views: &'a [View],
+    frame: &'a Frame,
+    config: &'a Config,
+    /// Without LPIPS, which takes longer than many iterations.
+    options: EvalOptions,
+    points: Vec<CurvePoint>,
+    /// Time spent here, which is not training's.
+    seconds: f64,
+}
+
+fn curve_point(iteration: u32, evaluation: &Evaluation) -> CurvePoint {
+    CurvePoint {
+        iteration,
+        n_gaussians: evaluation.n_gaussians,
+        psnr: evaluation.mean.psnr,
+        ssim: evaluation.mean.ssim,
+    }
+}
+
+impl Observer for Log<'_> {
+    fn inspects(&self, done: u32) -> bool {
+        let due = |c: &Curve| done.is_multiple_of(c.every) && done < c.config.iterations;
+        self.curve.as_ref().is_some_and(due)
+    }
+
+    fn inspect(&mut self, done: u32, model: &Model) -> Result<()> {
+        let Some(curve) = &mut self.curve else {
+            return Ok(());
+        };
+        let start = Instant::now();
+        let (views, config) = (curve.views, &curve.config.model);
+        let mut scores = Vec::with_capacity(views.len());
+        let renderer = &mut curve.renderer;
+        eval::render_model(
+            renderer,
+            model,
+            curve.frame,
+            views,
+            config,
+            |view, render| {
+                scores.push(eval::score(render, view, &curve.options)?);
+                Ok(())
+            },
+        )?;
+        let evaluation = Evaluation::new(scores, model.n, None);
+        curve.points.push(curve_point(done, &evaluation));
+        curve.seconds += start.elapsed().as_secs_f64();
+        Ok(())
+    }
+
     fn look(&mut self, sample: &LossSample, n_gaussians: usize) {
         self.progress
             .update(sample.iteration, sample.loss, n_gaussians);

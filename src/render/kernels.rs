@@ -2,6 +2,7 @@
 
 use super::model::Model;
 use super::workspace::Workspace;
+use crate::gpu::shader::{self, Sources};
 use crate::gpu::{Buffer, Gpu, Kernel};
 
 /// Every kernel that renders, compares and differentiates a view.
@@ -26,27 +27,36 @@ pub struct Kernels {
 
 impl Kernels {
     pub fn new(gpu: &Gpu) -> Kernels {
-        let by_degree = |stage| [0, 1, 2, 3].map(|d| Kernel::for_degree(gpu, stage, stage, d));
+        Self::from_sources(gpu, &shader::compose)
+    }
+
+    /// Kernels of other sources than the program's.
+    pub fn from_sources(gpu: &Gpu, sources: Sources<'_>) -> Kernels {
+        let of_degree = |stage: &str, entry: &'static str, degree: u32| {
+            Kernel::from_source(gpu, stage, entry, sources(stage, degree))
+        };
+        let by_degree = |stage| [0, 1, 2, 3].map(|degree| of_degree(stage, stage, degree));
+        let kernel = |stage: &str, entry| of_degree(stage, entry, 0);
         Kernels {
             project: by_degree("project"),
-            depth_keys: Kernel::new(gpu, "depth_keys", "depth_keys"),
-            radix_count: Kernel::new(gpu, "radix", "radix_count"),
-            radix_move: Kernel::new(gpu, "radix", "radix_move"),
-            bin: Kernel::new(gpu, "bin", "bin"),
-            scan_reduce: Kernel::new(gpu, "scan", "scan_reduce"),
-            scan_blocks: Kernel::new(gpu, "scan", "scan_blocks"),
-            scan_spread: Kernel::new(gpu, "scan", "scan_spread"),
-            find_tile_ranges: Kernel::new(gpu, "tile_ranges", "find_tile_ranges"),
-            rasterize: Kernel::new(gpu, "rasterize", "rasterize"),
+            depth_keys: kernel("depth_keys", "depth_keys"),
+            radix_count: kernel("radix", "radix_count"),
+            radix_move: kernel("radix", "radix_move"),
+            bin: kernel("bin", "bin"),
+            scan_reduce: kernel("scan", "scan_reduce"),
+            scan_blocks: kernel("scan", "scan_blocks"),
+            scan_spread: kernel("scan", "scan_spread"),
+            find_tile_ranges: kernel("tile_ranges", "find_tile_ranges"),
+            rasterize: kernel("rasterize", "rasterize"),
             ssim: [
-                Kernel::new(gpu, "ssim", "ssim_horizontal"),
-                Kernel::new(gpu, "ssim", "ssim_vertical"),
-                Kernel::new(gpu, "ssim", "ssim_horizontal_backward"),
-                Kernel::new(gpu, "ssim", "ssim_vertical_backward"),
+                kernel("ssim", "ssim_horizontal"),
+                kernel("ssim", "ssim_vertical"),
+                kernel("ssim", "ssim_horizontal_backward"),
+                kernel("ssim", "ssim_vertical_backward"),
             ],
-            loss_blocks: Kernel::new(gpu, "loss_sum", "loss_blocks"),
-            loss_total: Kernel::new(gpu, "loss_sum", "loss_total"),
-            rasterize_backward: Kernel::new(gpu, "rasterize_backward", "rasterize_backward"),
+            loss_blocks: kernel("loss_sum", "loss_blocks"),
+            loss_total: kernel("loss_sum", "loss_total"),
+            rasterize_backward: kernel("rasterize_backward", "rasterize_backward"),
             project_backward: by_degree("project_backward"),
         }
     }

@@ -15,6 +15,6 @@ mod workspace;
 pub use kernels::{Bound, Kernels};
 pub use model::{BLOCK_PLANES, Model, most_gaussians, n_blocks};
 pub use pass::Pass;
-pub use renderer::{Rendered, Renderer};
+pub use renderer::{Rendered, Renderer, read_rendered};
 pub use uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 pub use workspace::{Capacity, Workspace, read_totals};

@@ -1,6 +1,6 @@
 //! The dispatches of one view: forward, loss, backward.
 
-use super::kernels::{Bound, Kernels, RadixGroups};
+use super::kernels::{Bound, Groups, Kernels, RadixGroups};
 use super::model::Model;
 use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use super::workspace::{Workspace, n_chunks, n_partials};
@@ -72,29 +72,84 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// Renders into `workspace.rendered`.
+    /// Renders into `workspace.rendered`: the stages from [`Pass::project`] on in a row.
     pub fn forward(&self, commands: &mut Commands<'_>) {
-        let Pass {
-            kernels,
-            workspace,
-            view,
-            ..
-        } = self;
-        let groups = &self.bound.slots[self.slot];
-        let n = u64::from(view.counts[0]);
-        let n_tiles = view.n_tiles() as u64;
-        let degree = self.sh_degree;
-        let room = workspace.capacity.pairs as u64;
-        commands.dispatch(&kernels.project[degree], &groups.project[degree], n);
-        commands.dispatch(&kernels.depth_keys, &groups.depth_keys, n);
-        self.sort(commands, &groups.depth_passes, n);
-        commands.dispatch(&kernels.bin, &groups.bin_count, n);
-        self.scan(commands, &groups.scan_pairs, n);
-        commands.dispatch(&kernels.bin, &groups.bin_emit, n);
-        self.sort(commands, &groups.pair_passes, room);
-        commands.clear(&workspace.tile_ranges);
-        commands.dispatch(&kernels.find_tile_ranges, &groups.find_tile_ranges, room);
-        commands.dispatch(&kernels.rasterize, &groups.rasterize, n_tiles);
+        self.project(commands);
+        self.depth_keys(commands);
+        self.sort_by_depth(commands);
+        self.count_pairs(commands);
+        self.scan_pairs(commands);
+        self.emit_pairs(commands);
+        self.sort_by_tile(commands);
+        self.find_tile_ranges(commands);
+        self.rasterize(commands);
+    }
+
+    /// Fills `splats`.
+    pub fn project(&self, commands: &mut Commands<'_>) {
+        let (kernels, degree) = (&self.kernels.project, self.sh_degree);
+        commands.dispatch(&kernels[degree], &self.groups().project[degree], self.n());
+    }
+
+    /// Fills `depth_order`, unsorted.
+    pub fn depth_keys(&self, commands: &mut Commands<'_>) {
+        let kernel = &self.kernels.depth_keys;
+        commands.dispatch(kernel, &self.groups().depth_keys, self.n());
+    }
+
+    /// Sorts `depth_order`.
+    pub fn sort_by_depth(&self, commands: &mut Commands<'_>) {
+        self.sort(commands, &self.groups().depth_passes, self.n());
+    }
+
+    /// Fills `splat_pairs` with numbers of pairs.
+    pub fn count_pairs(&self, commands: &mut Commands<'_>) {
+        commands.dispatch(&self.kernels.bin, &self.groups().bin_count, self.n());
+    }
+
+    /// Turns `splat_pairs` into first pairs; sets the totals.
+    pub fn scan_pairs(&self, commands: &mut Commands<'_>) {
+        self.scan(commands, &self.groups().scan_pairs, self.n());
+    }
+
+    /// Fills `pairs`, `pair_gaussian` and `gaussian_pairs`.
+    pub fn emit_pairs(&self, commands: &mut Commands<'_>) {
+        commands.dispatch(&self.kernels.bin, &self.groups().bin_emit, self.n());
+    }
+
+    /// Sorts `pairs` into `tile_pairs`.
+    pub fn sort_by_tile(&self, commands: &mut Commands<'_>) {
+        self.sort(commands, &self.groups().pair_passes, self.room());
+    }
+
+    /// Fills `tile_ranges`.
+    pub fn find_tile_ranges(&self, commands: &mut Commands<'_>) {
+        commands.clear(&self.workspace.tile_ranges);
+        let (kernel, group) = (
+            &self.kernels.find_tile_ranges,
+            &self.groups().find_tile_ranges,
+        );
+        commands.dispatch(kernel, group, self.room());
+    }
+
+    /// Fills `rendered`.
+    pub fn rasterize(&self, commands: &mut Commands<'_>) {
+        let n_tiles = self.view.n_tiles() as u64;
+        commands.dispatch(&self.kernels.rasterize, &self.groups().rasterize, n_tiles);
+    }
+
+    fn groups(&self) -> &Groups {
+        &self.bound.slots[self.slot]
+    }
+
+    /// Gaussians.
+    fn n(&self) -> u64 {
+        u64::from(self.view.counts[0])
+    }
+
+    /// Pairs that there is room for.
+    fn room(&self) -> u64 {
+        self.workspace.capacity.pairs as u64
     }
 
     /// Radix sort of at most `n` entries.
@@ -117,7 +172,7 @@ impl<'a> Pass<'a> {
 
     /// The image loss of `workspace.rendered` against `goal`, and its gradient in `d_rendered`.
     pub fn loss(&self, commands: &mut Commands<'_>, mut loss: LossUniform) {
-        let Some(groups) = &self.bound.slots[self.slot].backward else {
+        let Some(groups) = &self.groups().backward else {
             return;
         };
         let kernels = self.kernels;
@@ -142,17 +197,25 @@ impl<'a> Pass<'a> {
 
     /// Carries `d_rendered` back to `d_geometry` and `d_color`.
     pub fn backward(&self, commands: &mut Commands<'_>) {
-        let Some(groups) = &self.bound.slots[self.slot].backward else {
+        self.rasterize_backward(commands);
+        self.project_backward(commands);
+    }
+
+    /// Carries `d_rendered` back to the pairs.
+    pub fn rasterize_backward(&self, commands: &mut Commands<'_>) {
+        let Some(groups) = &self.groups().backward else {
             return;
         };
         let n_tiles = self.view.n_tiles() as u64;
-        let n = u64::from(self.view.counts[0]);
         commands.dispatch(&self.kernels.rasterize_backward, &groups.rasterize, n_tiles);
-        let degree = self.sh_degree;
-        commands.dispatch(
-            &self.kernels.project_backward[degree],
-            &groups.project[degree],
-            n,
-        );
+    }
+
+    /// Carries the pairs' gradients back to `d_geometry` and `d_color`.
+    pub fn project_backward(&self, commands: &mut Commands<'_>) {
+        let Some(groups) = &self.groups().backward else {
+            return;
+        };
+        let (kernels, degree) = (&self.kernels.project_backward, self.sh_degree);
+        commands.dispatch(&kernels[degree], &groups.project[degree], self.n());
     }
 }

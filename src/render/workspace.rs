@@ -197,7 +197,8 @@ impl Workspace {
         &self.pairs[self.pair_passes.len() % 2]
     }
 
-    /// Every buffer under its name in the shaders, with those of `model`.
+    /// Every buffer under its name in the shaders, with those of `model`; the other halves of the
+    /// sorts' buffers under names of their own.
     pub fn names<'a>(&'a self, model: &'a Model, slot: usize) -> Vec<(&'static str, &'a Buffer)> {
         let mut names = vec![
             ("view", &self.slots[slot].view),
@@ -216,6 +217,8 @@ impl Workspace {
             ("depth_order", &self.depth_order[0]),
             ("digit_counts", &self.digit_counts),
             ("tile_pairs", self.tile_pairs()),
+            ("depth_order_swap", &self.depth_order[1]),
+            ("pairs_swap", &self.pairs[1]),
             ("pair_gaussian", &self.pair_gaussian),
             ("rendered", &self.rendered),
             ("last_blended", &self.last_blended),

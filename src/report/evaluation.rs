@@ -61,6 +61,9 @@ pub fn evaluation_table(run: &str, evaluation: &Evaluation) -> String {
     }
     if let Some(measured) = &evaluation.measured {
         out += &format!("\n{}\n", how(measured));
+        if measured.lpips.is_none() {
+            out += &format!("\n{}\n", lpips_hint());
+        }
     }
     out
 }
@@ -69,20 +72,20 @@ pub fn evaluation_table(run: &str, evaluation: &Evaluation) -> String {
 pub(super) const MASKED: &str = "Masked: PSNR of the mask's pixels, SSIM's map averaged over \
      them, LPIPS of both images black beyond the mask";
 
-/// How figures were measured, as Markdown lines.
+/// How figures were measured.
 pub(super) fn how(measured: &Measured) -> String {
     let renders = match measured.renders {
         Renders::Rounded => "Renders are rounded to 8 bit",
         Renders::Float => "Renders are measured as floats, not rounded to 8 bit",
     };
-    let mut out = format!("{renders}. Test cameras: {}.", measured.pose_protocol);
-    if measured.lpips.is_none() {
-        out += &format!(
-            "\n\nLPIPS is n/a: --lpips-weights FILE measures it; make the file once: \
-             `{WEIGHTS_RECIPE}`"
-        );
-    }
-    out
+    format!("{renders}. Test cameras: {}.", measured.pose_protocol)
+}
+
+/// How a user comes by LPIPS where it was left out.
+pub(super) fn lpips_hint() -> String {
+    format!(
+        "LPIPS is n/a: --lpips-weights FILE measures it; make the file once: `{WEIGHTS_RECIPE}`"
+    )
 }
 
 fn figures(psnr: Option<f64>, ssim: Option<f64>, lpips: Option<f64>) -> [String; 3] {

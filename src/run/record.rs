@@ -20,6 +20,20 @@ pub struct Metrics {
     pub memory: Memory,
     pub loss: Vec<LossSample>,
     pub model_size: Vec<ModelSize>,
+    /// Errors at the test views on the way, the last those of `eval.json`; empty unless asked for.
+    #[serde(default)]
+    pub curve: Vec<CurvePoint>,
+}
+
+/// Mean errors over the test views after some iterations.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CurvePoint {
+    /// Number of finished iterations.
+    pub iteration: u32,
+    pub n_gaussians: usize,
+    /// dB; null as in [`Mean`].
+    pub psnr: Option<f64>,
+    pub ssim: Option<f64>,
 }
 
 /// The scene that a run was trained on, enough to load it again.
@@ -27,12 +41,16 @@ pub struct Metrics {
 pub struct SceneRecord {
     /// An absolute folder, or `builtin:WIDTH`: what `--scene` takes.
     pub source: String,
+    /// The cloud where it is not the scene's own: what `--cloud` takes, a file absolute.
+    pub cloud: Option<String>,
     /// Short name for tables.
     pub name: String,
     pub train_views: Vec<String>,
     pub test_views: Vec<String>,
     /// Points in the cloud as loaded.
     pub n_points: usize,
+    /// Points that each round of carving removed; null where it was off.
+    pub carved_points: Option<Vec<usize>>,
     pub pose_protocol: PoseProtocol,
 }
 
@@ -70,6 +88,7 @@ impl fmt::Display for PoseProtocol {
 pub struct Seconds {
     pub load: Option<f64>,
     pub field: Option<f64>,
+    pub carve: Option<f64>,
     pub sample: Option<f64>,
     pub splat: Option<f64>,
     pub train: Option<f64>,
@@ -79,7 +98,7 @@ pub struct Seconds {
 impl Seconds {
     /// From loading the scene to the trained model; none where it was not trained.
     pub fn to_model(&self) -> Option<f64> {
-        let before = [self.load, self.field, self.sample, self.splat];
+        let before = [self.load, self.field, self.carve, self.sample, self.splat];
         Some(before.iter().flatten().sum::<f64>() + self.train?)
     }
 }

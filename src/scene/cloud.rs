@@ -47,7 +47,7 @@ pub(super) fn clean(cloud: &mut PointCloud, cameras: &[Camera], warnings: &mut V
             cloud.positions[i].as_vec3().is_finite() && confidence.is_none_or(|c| c[i].is_finite())
         })
         .collect();
-    retain(cloud, &finite);
+    cloud.retain(&finite);
     let n_finite = cloud.len();
     if n_finite < n {
         warnings.push(format!(
@@ -70,7 +70,7 @@ pub(super) fn clean(cloud: &mut PointCloud, cameras: &[Camera], warnings: &mut V
                 .any(|c| c.distance(*p) <= tolerance)
         })
         .collect();
-    retain(cloud, &kept);
+    cloud.retain(&kept);
     if cloud.len() < n_finite {
         warnings.push(format!(
             "{} of {n_finite} points lie at a camera centre: dropped",
@@ -90,18 +90,6 @@ fn camera_extent(centers: &[DVec3], points: &[DVec3]) -> f64 {
     let mut distances: Vec<f64> = points.iter().map(|p| p.distance(mean)).collect();
     let middle = distances.len() / 2;
     *distances.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
-fn retain(cloud: &mut PointCloud, kept: &[bool]) {
-    fn filter<T: Copy>(values: &mut Vec<T>, kept: &[bool]) {
-        let mut kept = kept.iter();
-        values.retain(|_| kept.next().copied().unwrap_or(false));
-    }
-    filter(&mut cloud.positions, kept);
-    filter(&mut cloud.colors, kept);
-    if let Some(confidence) = &mut cloud.confidence {
-        filter(confidence, kept);
-    }
 }
 
 /// At most `n` points of `cloud`, in its order: one drawn at random from each of `n` equal
@@ -130,4 +118,38 @@ pub fn thin(cloud: &PointCloud, n: usize, seed: u64) -> PointCloud {
             .as_ref()
             .map(|confidence| chosen.iter().map(|&i| confidence[i]).collect()),
     }
+}
+
+/// Share of the points that a random cloud's box leaves out at either end of an axis: flying
+/// points would blow it up.
+const OUTLIERS: f64 = 0.01;
+
+/// As many points as `cloud` has, uniform in the box that holds the middle 98 % of its points
+/// along each axis, of uniform colours and without confidence: what 3DGS starts from where there
+/// is no cloud. The same on every platform for the same `seed`.
+pub fn random_like(cloud: &PointCloud, seed: u64) -> PointCloud {
+    let Some(last) = cloud.len().checked_sub(1) else {
+        return PointCloud::default();
+    };
+    let quantiles = [OUTLIERS, 1.0 - OUTLIERS].map(|q| (q * last as f64).round() as usize);
+    let mut bounds = [DVec3::ZERO; 2];
+    for axis in 0..3 {
+        let mut values: Vec<f64> = cloud.positions.iter().map(|p| p[axis]).collect();
+        for (bound, i) in bounds.iter_mut().zip(quantiles) {
+            bound[axis] = *values.select_nth_unstable_by(i, f64::total_cmp).1;
+        }
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(u64::from_be_bytes(*b"random  "));
+    let [low, high] = bounds;
+    let mut unit = || (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+    let mut random = PointCloud::default();
+    for _ in 0..cloud.len() {
+        let place = DVec3::new(unit(), unit(), unit());
+        random.positions.push(low + place * (high - low));
+        random
+            .colors
+            .push([unit(), unit(), unit()].map(|v| (256.0 * v) as u8));
+    }
+    random
 }

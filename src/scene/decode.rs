@@ -8,7 +8,7 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbIma
 use super::images::PosedImage;
 use super::masks::{Masks, alpha_mask, read_mask};
 use super::{Image, LoadOptions, View};
-use crate::camera::Camera;
+use crate::camera::{Camera, bounded_size};
 use crate::error::{Error, Result, read_file};
 
 /// Longest side of a photograph, pixels.
@@ -136,21 +136,12 @@ pub(super) fn same_aspect(a: (u32, u32), b: (u32, u32)) -> bool {
     (f64::from(large.1) * scale - f64::from(small.1)).abs() <= 1.0
 }
 
-/// The size at which an image is used: the bounded side becomes exactly its bound, the other
-/// is rounded to the nearest pixel and at least 1; images within the bound keep their size.
-/// Intrinsics then scale with the two exact ratios, so that rounding moves no ray.
+/// The size at which an image is used. Intrinsics then scale with the two exact ratios, so that
+/// rounding moves no ray.
 pub(super) fn target_size(width: u32, height: u32, options: &LoadOptions) -> (u32, u32) {
     let (side, bound) = match options.max_size {
         Some(max_size) => (width.max(height), max_size),
         None => (width, options.max_width),
     };
-    if side <= bound {
-        return (width, height);
-    }
-    let scaled = |length: u32| {
-        let exact = u64::from(length) * u64::from(bound);
-        let rounded = (2 * exact + u64::from(side)) / (2 * u64::from(side));
-        (rounded as u32).max(1)
-    };
-    (scaled(width), scaled(height))
+    bounded_size((width, height), side, bound)
 }

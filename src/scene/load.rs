@@ -4,12 +4,13 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::cloud::{clean, read_cloud};
+use super::builtin::{self, BuiltinOptions};
+use super::cloud::{clean, random_like, read_cloud};
 use super::decode::{Decoded, decode};
 use super::images::{PosedImage, match_images};
 use super::masks::Masks;
-use super::split::choose;
-use super::{LoadOptions, Scene, View, colmap};
+use super::split::{choose, regroup};
+use super::{CloudSource, LoadOptions, Scene, View, colmap};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 
@@ -21,7 +22,8 @@ pub(super) struct Layout {
     pub cameras: Vec<Camera>,
     /// Where the images are that the names are relative to.
     pub image_dir: PathBuf,
-    pub cloud: PathBuf,
+    /// The scene's own cloud, or the error that it has none.
+    pub cloud: Result<PathBuf>,
     /// Poses whose quaternion had to be normalised by more than rounding.
     pub n_unnormalized: usize,
 }
@@ -47,6 +49,10 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
             .at_path(dir)
             .way_out(format!("put {} there", colmap::expected())));
     };
+    let cloud_path = match &options.cloud {
+        Some(CloudSource::File(path)) => path.clone(),
+        _ => layout.cloud?,
+    };
     let mut warnings = Vec::new();
     if layout.n_unnormalized > 0 {
         warnings.push(format!(
@@ -67,7 +73,7 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         .collect();
     let masks = Masks::of(dir);
     let (cloud, decoded) = rayon::join(
-        || read_cloud(&layout.cloud),
+        || read_cloud(&cloud_path),
         || -> Vec<Result<Decoded>> {
             let views = chosen.par_iter();
             views.map(|v| decode(v, &masks, options)).collect()
@@ -82,21 +88,21 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     let n_stored = cloud.len();
     clean(&mut cloud, &cameras, &mut warnings);
     if cloud.is_empty() {
-        return Err(Error::new(format!(
-            "the point cloud has no usable point ({n_stored} in the file)"
-        ))
-        .at_path(&layout.cloud)
-        .way_out("make the cloud again: training starts from it"));
+        return Err(no_point(&cloud_path, n_stored));
+    }
+    let random = options.cloud == Some(CloudSource::Random);
+    if random {
+        cloud = random_like(&cloud, options.seed);
     }
     Ok(Scene {
         name: folder_name(dir),
         source: format!(
-            "{}, cloud {}",
+            "{}, cloud {}{}",
             layout.source,
-            layout
-                .cloud
+            if random { "random as far as " } else { "" },
+            cloud_path
                 .strip_prefix(dir)
-                .unwrap_or(&layout.cloud)
+                .unwrap_or(&cloud_path)
                 .display()
         ),
         train,
@@ -104,6 +110,48 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         cloud,
         warnings,
     })
+}
+
+/// Makes the built-in scene `width` pixels wide, with the views and the cloud that are asked for.
+///
+/// # Errors
+///
+/// Views that it does not have, or a cloud file that cannot be used.
+pub fn load_builtin(width: u32, options: &LoadOptions) -> Result<Scene> {
+    let mut scene = builtin::scene(&BuiltinOptions {
+        width,
+        n_test: options.n_test,
+        cloud_views: match options.cloud {
+            Some(CloudSource::Views(n)) => n,
+            _ => BuiltinOptions::default().cloud_views,
+        },
+        ..BuiltinOptions::default()
+    });
+    match &options.cloud {
+        Some(CloudSource::File(path)) => {
+            let mut cloud = read_cloud(path)?;
+            let views = scene.train.iter().chain(&scene.test);
+            let cameras: Vec<Camera> = views.map(|view| view.camera.clone()).collect();
+            let n_stored = cloud.len();
+            clean(&mut cloud, &cameras, &mut scene.warnings);
+            if cloud.is_empty() {
+                return Err(no_point(path, n_stored));
+            }
+            scene.cloud = cloud;
+        }
+        Some(CloudSource::Random) => scene.cloud = random_like(&scene.cloud, options.seed),
+        Some(CloudSource::Views(_)) | None => {}
+    }
+    regroup(&mut scene, options)?;
+    Ok(scene)
+}
+
+fn no_point(path: &Path, n_stored: usize) -> Error {
+    Error::new(format!(
+        "the point cloud has no usable point ({n_stored} in the file)"
+    ))
+    .at_path(path)
+    .way_out("make the cloud again: training starts from it")
 }
 
 /// The views in order, or the first error in order.

@@ -13,14 +13,16 @@ mod source;
 mod split;
 mod stamp;
 
-pub use source::{DEFAULT_BUILTIN_WIDTH, SceneSource};
+pub use source::{CloudSource, DEFAULT_BUILTIN_WIDTH, SceneSource};
 
 use glam::DVec3;
 
 use crate::camera::Camera;
+use crate::config::Config;
 
-pub use cloud::{read_cloud, thin};
-pub use load::load;
+pub use cloud::{random_like, read_cloud, thin};
+pub use colmap::other_clouds;
+pub use load::{load, load_builtin};
 
 /// A scene ready to train on. Images of the training and test views are decoded, at the size
 /// the limits ask for; cameras match them.
@@ -73,6 +75,19 @@ impl PointCloud {
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
     }
+
+    /// Keeps the points that `kept`, one entry a point, says true of, in their order.
+    pub fn retain(&mut self, kept: &[bool]) {
+        fn filter<T: Copy>(values: &mut Vec<T>, kept: &[bool]) {
+            let mut kept = kept.iter();
+            values.retain(|_| kept.next().copied().unwrap_or(false));
+        }
+        filter(&mut self.positions, kept);
+        filter(&mut self.colors, kept);
+        if let Some(confidence) = &mut self.confidence {
+            filter(confidence, kept);
+        }
+    }
 }
 
 /// What bounds a scene while it is loaded.
@@ -84,8 +99,30 @@ pub struct LoadOptions {
     pub max_size: Option<u32>,
     /// Names of the training views; otherwise `split.json`, otherwise `n_train` uniformly.
     pub train_views: Option<Vec<String>>,
+    /// Names of the test views; otherwise `split.json`, otherwise `n_test` uniformly.
+    pub test_views: Option<Vec<String>>,
+    /// Otherwise the scene's own.
+    pub cloud: Option<CloudSource>,
     /// Without a split file: this many training views, uniformly over the sorted names.
     pub n_train: usize,
     /// Without a split file: at most this many of the remaining views, uniformly.
     pub n_test: usize,
+    /// Of a random cloud.
+    pub seed: u64,
+}
+
+impl LoadOptions {
+    /// What `config` says, and the scene's own split and cloud.
+    pub fn new(config: &Config) -> LoadOptions {
+        LoadOptions {
+            max_width: config.scene.max_width_px,
+            max_size: config.scene.max_size_px,
+            train_views: None,
+            test_views: None,
+            cloud: None,
+            n_train: config.scene.n_train,
+            n_test: config.scene.n_test,
+            seed: config.seed,
+        }
+    }
 }

@@ -1,9 +1,11 @@
-//! What `--scene` takes.
+//! What `--scene` and `--cloud` take.
 
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use super::builtin::{CLOUD_VIEWS, WIDTHS};
+use super::colmap;
 use crate::error::{Error, Result};
 
 /// Image width of the built-in scene where none is given, pixels.
@@ -41,7 +43,7 @@ impl SceneSource {
     pub fn at_most(self, px: u32) -> SceneSource {
         match self {
             SceneSource::Builtin { width } => SceneSource::Builtin {
-                width: width.min(px),
+                width: width.min(px.max(*WIDTHS.start())),
             },
             folder => folder,
         }
@@ -89,6 +91,94 @@ impl fmt::Display for SceneSource {
         match self {
             SceneSource::Folder(folder) => write!(f, "{}", folder.display()),
             SceneSource::Builtin { width } => write!(f, "builtin:{width}"),
+        }
+    }
+}
+
+/// Where a cloud other than the scene's own comes from. A file named `random` is `./random`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum CloudSource {
+    /// What [`super::read_cloud`] reads.
+    File(PathBuf),
+    /// The built-in scene's cloud made from so many views: its training views and, beyond them,
+    /// views midway between.
+    Views(usize),
+    /// Random points and colours, as many as the scene's own cloud has
+    /// ([`super::random_like`]).
+    Random,
+}
+
+impl CloudSource {
+    /// The source with its file made absolute: one in the scene's folder or beside its model,
+    /// else a path.
+    ///
+    /// # Errors
+    /// No such file; a cloud that this scene cannot have.
+    pub fn resolved(self, scene: &SceneSource) -> Result<CloudSource> {
+        match (self, scene) {
+            (CloudSource::File(path), _) => {
+                let folders: Vec<PathBuf> = match scene {
+                    SceneSource::Folder(dir) => {
+                        let models = colmap::FOLDERS.map(|model| dir.join(model));
+                        [vec![dir.clone()], models.to_vec()].concat()
+                    }
+                    SceneSource::Builtin { .. } => Vec::new(),
+                };
+                let candidates = folders.iter().map(|folder| folder.join(&path));
+                candidates
+                    .chain(std::iter::once(path.clone()))
+                    .find(|candidate| candidate.is_file())
+                    .and_then(|found| found.canonicalize().ok())
+                    .map(CloudSource::File)
+                    .ok_or_else(|| no_such_cloud(&path, scene))
+            }
+            (CloudSource::Views(_), SceneSource::Folder(_)) => Err(Error::usage(
+                "only the built-in scene can make a cloud of some of its views",
+            )
+            .way_out("name a cloud file")),
+            (other, _) => Ok(other),
+        }
+    }
+}
+
+fn no_such_cloud(path: &Path, scene: &SceneSource) -> Error {
+    Error::new("no such cloud file")
+        .at_path(path)
+        .way_out(format!(
+            "name a file in {scene}, in its model's folder, or by its path"
+        ))
+}
+
+impl FromStr for CloudSource {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<CloudSource> {
+        if text.is_empty() {
+            return Err(Error::usage("no cloud is named"));
+        }
+        if text == "random" {
+            return Ok(CloudSource::Random);
+        }
+        let Some(n) = text.strip_prefix("views:") else {
+            return Ok(CloudSource::File(PathBuf::from(text)));
+        };
+        match n.parse() {
+            Ok(n) if CLOUD_VIEWS.contains(&n) => Ok(CloudSource::Views(n)),
+            _ => Err(Error::usage(format!(
+                "the built-in scene's cloud is made of {} to {} views, not `{n}`",
+                CLOUD_VIEWS.start(),
+                CLOUD_VIEWS.end()
+            ))),
+        }
+    }
+}
+
+impl fmt::Display for CloudSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            CloudSource::File(path) => write!(f, "{}", path.display()),
+            CloudSource::Views(n) => write!(f, "views:{n}"),
+            CloudSource::Random => f.write_str("random"),
         }
     }
 }

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::LoadOptions;
 use super::images::Matched;
+use super::{LoadOptions, Scene, View};
 use crate::error::{Error, Result, read_file};
 
 /// Indices of the views, in the order of the list or the protocol that chose them.
@@ -24,14 +24,15 @@ struct SplitFile {
 }
 
 /// Training views are those of `options.train_views`, else of `split.json`, else `n_train`
-/// uniformly over the sorted names; test views are those of `split.json`, else up to `n_test`
-/// uniformly over the sorted names of the rest (the paper's protocol).
+/// uniformly over the sorted names; test views are those of `options.test_views`, else of
+/// `split.json`, else up to `n_test` uniformly over the sorted names of the rest (the paper's
+/// protocol).
 ///
 /// # Errors
 ///
-/// No training view; a training view that is unknown, without pose or image, or listed twice;
-/// views in both lists; a `split.json` that is none. Test views that cannot be used are counted
-/// in `warnings`.
+/// No training view; a view named for training or in the options that is unknown, without pose
+/// or image, or listed twice; views in both lists; a `split.json` that is none. Test views of
+/// the file that cannot be used are counted in `warnings`.
 pub(super) fn choose(
     dir: &Path,
     matched: &Matched,
@@ -61,8 +62,15 @@ pub(super) fn choose(
         uniform(&sorted, options.n_train)
     };
 
-    let test = match file.and_then(|file| file.test) {
-        Some(names) => {
+    let test = match (&options.test_views, file.and_then(|file| file.test)) {
+        (Some(names), _) => {
+            let test = named_views(names, "test", matched, Error::usage)?;
+            if let Some(&i) = test.iter().find(|i| train.contains(i)) {
+                return Err(in_both(&matched.views[i].camera.name));
+            }
+            test
+        }
+        (None, Some(names)) => {
             let mut test = test_views(&names, matched, warnings);
             let both = test.iter().filter(|i| train.contains(i)).count();
             if both > 0 && options.train_views.is_none() {
@@ -77,7 +85,7 @@ pub(super) fn choose(
             }
             test
         }
-        None => uniform(&sorted_by_name(matched, &train), options.n_test),
+        (None, None) => uniform(&sorted_by_name(matched, &train), options.n_test),
     };
     Ok(Split { train, test })
 }
@@ -94,18 +102,82 @@ fn read_split(path: &Path) -> Result<Option<SplitFile>> {
     })
 }
 
-/// The views named, all of which must be usable; `error` decides whose fault it is if not.
+fn in_both(name: &str) -> Error {
+    Error::usage(format!(
+        "view `{}` is named for training and for testing",
+        name.escape_debug()
+    ))
+    .way_out("name it once")
+}
+
+/// Splits a scene that is loaded whole by the names in `options`, where it has any: training
+/// views that are not named are left out, test views that are trained on, too.
+///
+/// # Errors
+///
+/// A name that no view has or that is given twice, or no training view.
+pub(super) fn regroup(scene: &mut Scene, options: &LoadOptions) -> Result<()> {
+    let all = [scene.train.clone(), scene.test.clone()].concat();
+    let find = |names: &[String], role: &str| -> Result<Vec<View>> {
+        let mut chosen: Vec<View> = Vec::with_capacity(names.len());
+        for name in names {
+            let known = || all.iter().map(|view| view.camera.name.as_str());
+            let fault =
+                |what: &str| Error::usage(format!("{role} view `{}` {what}", name.escape_debug()));
+            if chosen.iter().any(|view| view.camera.name == *name) {
+                return Err(fault("is named twice").way_out("name each view once"));
+            }
+            let Some(i) = known().position(|other| other == name) else {
+                return Err(fault("is not in the scene").way_out(near_misses(name, known())));
+            };
+            chosen.push(all[i].clone());
+        }
+        Ok(chosen)
+    };
+    if let Some(names) = &options.train_views {
+        if names.is_empty() {
+            return Err(no_training_view(Error::usage));
+        }
+        scene.train = find(names, "training")?;
+    }
+    let trained = |name: &str| scene.train.iter().any(|view| view.camera.name == name);
+    match &options.test_views {
+        Some(names) => {
+            if let Some(name) = names.iter().find(|name| trained(name)) {
+                return Err(in_both(name));
+            }
+            scene.test = find(names, "test")?;
+        }
+        None => scene.test.retain(|view| !trained(&view.camera.name)),
+    }
+    Ok(())
+}
+
+fn no_training_view(error: fn(String) -> Error) -> Error {
+    error("no training view is named".to_owned()).way_out("name at least one")
+}
+
 fn training_views(
     names: &[String],
     matched: &Matched,
     error: fn(String) -> Error,
 ) -> Result<Vec<usize>> {
     if names.is_empty() {
-        return Err(error("no training view is named".to_owned()).way_out("name at least one"));
+        return Err(no_training_view(error));
     }
+    named_views(names, "training", matched, error)
+}
+
+/// The views named, all of which must be usable; `error` decides whose fault it is if not.
+fn named_views(
+    names: &[String],
+    role: &str,
+    matched: &Matched,
+    error: fn(String) -> Error,
+) -> Result<Vec<usize>> {
     let mut chosen = Vec::with_capacity(names.len());
     for name in names {
-        let fault = |what: &str| error(format!("training view `{}` {what}", name.escape_debug()));
+        let fault = |what: &str| error(format!("{role} view `{}` {what}", name.escape_debug()));
         let Some(&index) = matched.by_name.get(name) else {
             return Err(if matched.without_image.contains(name) {
                 fault("has a pose but no image").way_out("put the image into `images/`")

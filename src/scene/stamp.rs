@@ -1,24 +1,25 @@
 //! A stamp of a scene's files, to tell whether what was measured is still what is there.
 
-use std::fmt::Write as _;
+use std::fs::Metadata;
 use std::path::Path;
 use std::time::UNIX_EPOCH;
 
-use super::SceneSource;
+use super::{CloudSource, SceneSource};
 use crate::digest::sha256;
 
 impl SceneSource {
-    /// Names the state of the scene's files: every file's path, size and time of change, in hex.
-    /// None where the folder cannot be read, as on another machine. The built-in scene is stamped
-    /// with its size; what else it is made of is the program's version.
-    pub fn stamp(&self) -> Option<String> {
+    /// Names the state of the scene's files, and of the cloud's where it is not the scene's own:
+    /// every file's path, size and time of change, in hex. None where they cannot be read, as on
+    /// another machine. The built-in scene is stamped with its size; what else it is made of is
+    /// the program's version.
+    pub fn stamp(&self, cloud: Option<&CloudSource>) -> Option<String> {
         let mut listing = String::new();
         match self {
             SceneSource::Folder(folder) => list(folder, "", &mut listing).ok()?,
-            SceneSource::Builtin { width } => {
-                // Writing to a string does not fail.
-                let _ = write!(listing, "builtin {width}");
-            }
+            SceneSource::Builtin { width } => listing += &format!("builtin {width}\n"),
+        }
+        if let Some(CloudSource::File(path)) = cloud {
+            listing += &line("cloud", &std::fs::metadata(path).ok()?);
         }
         Some(sha256(listing.as_bytes()))
     }
@@ -33,11 +34,15 @@ fn list(dir: &Path, prefix: &str, listing: &mut String) -> std::io::Result<()> {
         if entry.file_type()?.is_dir() {
             list(&entry.path(), &format!("{name}/"), listing)?;
         } else if let Ok(meta) = std::fs::metadata(entry.path()) {
-            let changed = meta.modified().ok();
-            let age = changed.and_then(|time| time.duration_since(UNIX_EPOCH).ok());
-            let nanoseconds = age.map_or(0, |age| age.as_nanos());
-            let _ = writeln!(listing, "{name:?} {} {nanoseconds}", meta.len());
+            *listing += &line(&name, &meta);
         }
     }
     Ok(())
+}
+
+fn line(name: &str, meta: &Metadata) -> String {
+    let changed = meta.modified().ok();
+    let age = changed.and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+    let nanoseconds = age.map_or(0, |age| age.as_nanos());
+    format!("{name:?} {} {nanoseconds}\n", meta.len())
 }

@@ -6,6 +6,7 @@ use super::policy::{Gathered, Plan};
 use super::schedule;
 use crate::config::Config;
 use crate::error::Result;
+use crate::gpu::shader::{self, Sources};
 use crate::gpu::{Buffer, Commands, Gpu, Kernel};
 use crate::render::{BLOCK_PLANES, Model, Workspace, most_gaussians, n_blocks};
 
@@ -19,13 +20,21 @@ pub struct OptimizerKernels {
 
 impl OptimizerKernels {
     pub fn new(gpu: &Gpu) -> OptimizerKernels {
+        Self::from_sources(gpu, &shader::compose)
+    }
+
+    /// Kernels of other sources than the program's.
+    pub fn from_sources(gpu: &Gpu, sources: Sources<'_>) -> OptimizerKernels {
+        let kernel = |stage: &str, entry, degree| {
+            Kernel::from_source(gpu, stage, entry, sources(stage, degree))
+        };
         OptimizerKernels {
             adam: [0, 1, 2, 3].map(|degree| {
                 ["adam_geometry", "adam_sh_0", "adam_sh_2", "adam_sh_3"]
-                    .map(|entry| Kernel::for_degree(gpu, "adam", entry, degree))
+                    .map(|entry| kernel("adam", entry, degree))
             }),
-            rearrange: Kernel::new(gpu, "rearrange", "rearrange_planes"),
-            reset_opacity: Kernel::new(gpu, "reset_opacity", "reset_opacity"),
+            rearrange: kernel("rearrange", "rearrange_planes", 0),
+            reset_opacity: kernel("reset_opacity", "reset_opacity", 0),
         }
     }
 }

@@ -47,10 +47,24 @@ pub struct Supervision {
     pub extent: f64,
 }
 
-/// Told of the training as it goes.
+/// Told of the training as it goes; nothing that it does changes what is trained.
 pub trait Observer {
     /// After every look at the losses.
     fn look(&mut self, sample: &LossSample, n_gaussians: usize);
+
+    /// Whether [`Observer::inspect`] is to be called after `done` iterations (0: at the start).
+    fn inspects(&self, _done: u32) -> bool {
+        false
+    }
+
+    /// Shown the Gaussians after `done` iterations, before densification, pruning and opacity
+    /// reset that may follow (as 3DGS reports).
+    ///
+    /// # Errors
+    /// End the training.
+    fn inspect(&mut self, _done: u32, _model: &Model) -> Result<()> {
+        Ok(())
+    }
 }
 
 /// A change of the set of Gaussians.
@@ -177,22 +191,33 @@ impl<'a> Trainer<'a> {
     pub fn run(&mut self, observer: &mut dyn Observer) -> Result<Trained> {
         let config = self.config;
         let mut done = 0;
+        if observer.inspects(done) {
+            observer.inspect(done, &self.optimizer.model)?;
+        }
         while done < config.iterations {
             let views = self.step(done, None);
             done += 1;
             let changes = schedule::densifies(config, done)
                 || schedule::prunes_by_coverage(config, done)
                 || schedule::resets_opacity(config, done);
-            if !(changes || done.is_multiple_of(LOOK_INTERVAL) || done == config.iterations) {
+            let samples =
+                changes || done.is_multiple_of(LOOK_INTERVAL) || done == config.iterations;
+            let inspects = observer.inspects(done);
+            if !(samples || inspects) {
                 continue;
             }
             if let Some(skipped) = self.make_room()? {
                 done = skipped;
                 continue;
             }
-            let sample = self.sample(done, views)?;
-            observer.look(&sample, self.optimizer.model.n);
-            self.samples.push(sample);
+            if samples {
+                let sample = self.sample(done, views)?;
+                observer.look(&sample, self.optimizer.model.n);
+                self.samples.push(sample);
+            }
+            if inspects {
+                observer.inspect(done, &self.optimizer.model)?;
+            }
             if changes {
                 self.change(done)?;
             }

@@ -3,17 +3,18 @@
 use std::path::Path;
 
 use gspotential::config::Config;
+use gspotential::digest::sha256;
 use gspotential::eval::EvalOptions;
 use gspotential::gaussians::Gaussians;
 use gspotential::gpu::Gpu;
-use gspotential::pipeline::{self, Prepared, prepare};
-use gspotential::run::{LossSample, RunDir, Seconds};
+use gspotential::pipeline::{self, Prepared, TrainJob, prepare};
+use gspotential::run::{Evaluation, LossSample, Metrics, RunDir, Seconds};
 use gspotential::scene::builtin::{BuiltinOptions, scene};
 use gspotential::scene::{Scene, SceneSource};
 use gspotential::train::{Observer, Trained, Trainer};
 
-use super::render::print;
 use super::rig::context;
+use super::views::print;
 
 const WIDTH: u32 = 72;
 
@@ -49,22 +50,20 @@ fn config() -> Config {
 }
 
 /// `point_cloud.ply`, and `metrics.json` and `eval.json` without times and memory.
-fn run(scene: &Scene, root: &Path) -> (Vec<u8>, String, String) {
+fn run(scene: &Scene, root: &Path, eval_every: Option<u32>) -> (Vec<u8>, String, String) {
     let run = RunDir::create(root, &config(), false).expect("a fresh folder");
     let source = SceneSource::Builtin { width: WIDTH };
-    pipeline::train(
-        &Gpu::open().expect("an adapter"),
-        scene,
-        &source,
-        &config(),
-        0.0,
-        &EvalOptions::default(),
-        &run,
-    )
-    .expect("trains");
+    let job = TrainJob {
+        eval_every,
+        ..TrainJob::new(source, config()).expect("a job")
+    };
+    let gpu = Gpu::open().expect("an adapter");
+    pipeline::train(&gpu, scene, &job, 0.0, &EvalOptions::default(), &run).expect("trains");
     let mut metrics = run.metrics().expect("written");
     metrics.seconds = Seconds::default();
     metrics.memory = Default::default();
+    check_curve(&metrics, &run.evaluation().expect("written"), eval_every);
+    metrics.curve.clear();
     let plans = metrics.model_size.iter().filter_map(|m| m.plan);
     let n =
         |count: fn(&gspotential::run::PlanCounts) -> usize| plans.clone().map(|p| count(&p)).sum();
@@ -88,22 +87,23 @@ fn run(scene: &Scene, root: &Path) -> (Vec<u8>, String, String) {
 }
 
 #[test]
-fn runs_with_one_seed_are_equal_to_the_byte_whatever_the_threads() {
+fn runs_with_one_seed_are_equal_to_the_byte_whatever_the_threads_and_the_curve() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = small_scene();
     // For the memory of this machine, not for the runs: each opens the adapter itself.
     let _alone = context();
-    let first = run(&scene, &folder.path().join("first"));
-    let second = run(&scene, &folder.path().join("second"));
+    let first = run(&scene, &folder.path().join("first"), None);
+    // Measured on the way where nothing else is due, too.
+    let second = run(&scene, &folder.path().join("second"), Some(23));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build();
     let third = pool
         .expect("threads")
-        .install(|| run(&scene, &folder.path().join("third")));
+        .install(|| run(&scene, &folder.path().join("third"), None));
     print(&format!(
-        "point_cloud.ply of three runs: {:016x}, {:016x}, {:016x}\n",
-        hash(&first.0),
-        hash(&second.0),
-        hash(&third.0)
+        "point_cloud.ply of three runs: {:.16}, {:.16}, {:.16}\n",
+        sha256(&first.0),
+        sha256(&second.0),
+        sha256(&third.0)
     ));
     for (which, other) in [("second", &second), ("other threads", &third)] {
         assert!(first.0 == other.0, "{which}: point_cloud.ply differs");
@@ -112,11 +112,28 @@ fn runs_with_one_seed_are_equal_to_the_byte_whatever_the_threads() {
     }
 }
 
-/// FNV-1a.
-fn hash(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| {
-        (h ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3)
-    })
+/// A point every `eval_every` iterations from the start, the last that of `eval.json`.
+fn check_curve(metrics: &Metrics, evaluation: &Evaluation, eval_every: Option<u32>) {
+    let Some(every) = eval_every else {
+        return assert!(metrics.curve.is_empty());
+    };
+    let iterations: Vec<u32> = metrics.curve.iter().map(|p| p.iteration).collect();
+    let end = config().iterations;
+    let expected: Vec<u32> = (0..end).step_by(every as usize).chain([end]).collect();
+    assert_eq!(iterations, expected);
+    let psnr: Vec<f64> = metrics.curve.iter().filter_map(|p| p.psnr).collect();
+    assert_eq!(psnr.last().copied(), evaluation.mean.psnr);
+    // Training helps, and every point is of its own moment.
+    assert!(
+        psnr.len() == expected.len() && psnr[1] > psnr[0],
+        "{psnr:?}"
+    );
+    assert!(psnr.windows(2).all(|pair| pair[0] != pair[1]), "{psnr:?}");
+    let at_80 = metrics.model_size.iter().rfind(|m| m.iteration < 92);
+    assert_eq!(
+        Some(metrics.curve[4].n_gaussians),
+        at_80.map(|m| m.n_gaussians)
+    );
 }
 
 struct Quiet;

@@ -1,11 +1,15 @@
 //! Dispatches and buffers at the adapter's limits.
 
+use gspotential::doctor::{Context, gaussians_of, view_of};
 use gspotential::gpu::kernel::fold;
-use gspotential::gpu::{Buffer, Commands, Kernel};
+use gspotential::gpu::shader::compose;
+use gspotential::gpu::{Buffer, Commands, Gpu, Kernel};
+use gspotential::reference::cases::{cameras, random_scene};
 use gspotential::render::{Capacity, Model, Workspace};
 
-use super::rig::{context, view_of};
-use crate::twins::cases::cameras;
+use super::rig::context;
+use crate::hard::specimens::{config, noise_supervision};
+use crate::hard::survive;
 
 #[test]
 fn folded_grids_hold_all_workgroups_within_the_limit() {
@@ -28,7 +32,8 @@ fn a_dispatch_beyond_65535_workgroups_reaches_every_element() {
     let ctx = context();
     let gpu = &ctx.gpu;
     let n = 65_535 * 64 + 1234_usize;
-    let kernel = Kernel::new(gpu, "reset_opacity", "reset_opacity");
+    let source = compose("reset_opacity", 0);
+    let kernel = Kernel::from_source(gpu, "reset_opacity", "reset_opacity", source);
     let ceiling = Buffer::uniform_from(gpu, "ceiling", &[-3.0_f32, 0.0, 0.0, 0.0]);
     let counts = Buffer::uniform_from(gpu, "counts", &[n as u32 - 1, 0, 0, 0]);
     let geometry = Buffer::storage_from(gpu, "geometry", &vec![[1.0_f32; 4]; n]).expect("fits");
@@ -52,6 +57,28 @@ fn a_dispatch_beyond_65535_workgroups_reaches_every_element() {
     let missed = rest.iter().filter(|v| **v != [1.0, 1.0, 1.0, -3.0]).count();
     assert_eq!(missed, 0);
     assert_eq!(*last, [1.0; 4], "beyond the count");
+}
+
+#[test]
+fn training_with_folded_grids_is_equal_to_the_bit() {
+    let start = gaussians_of(&random_scene(600, 1, 50).gaussians, 1);
+    let supervision = noise_supervision(&cameras()[0]);
+    let mut config = config(30);
+    config.densify.start = 5;
+    config.densify.end = 25;
+    config.densify.interval = 10;
+    config.densify.gradient_threshold = 1e-9;
+    config.densify.opacity_reset_interval = 15;
+    let ctx = context();
+    let whole = survive(&ctx, "one row", &start, &supervision, &config).expect("trains");
+    let mut gpu = Gpu::open().expect("an adapter");
+    // A grid has a hundred workgroups and more: they take many rows, the last one half idle.
+    gpu.limits.max_compute_workgroups_per_dimension = 7;
+    let narrow = Context::new(gpu).expect("compiles");
+    let folded = survive(&narrow, "folded", &start, &supervision, &config).expect("trains");
+    assert!(!whole.plans.is_empty(), "no plan was carried out");
+    assert_eq!(folded.samples, whole.samples);
+    assert!(folded.gaussians == whole.gaussians, "Gaussians differ");
 }
 
 #[test]

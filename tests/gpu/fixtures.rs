@@ -1,22 +1,35 @@
 //! The GPU against the reference cases on disk.
 
-use super::render::{Truth, hold_view, print, row, table_head};
-use super::rig::context;
-use crate::twins::fixture::fixtures;
-use crate::twins::tolerance;
+use gspotential::doctor::image::{Truth, hold_gradients, hold_image};
+use gspotential::doctor::view::{Bounds, ViewCase};
+use gspotential::doctor::{Findings, Rig};
+use gspotential::reference::tolerance;
+
+use super::rig::{assert_findings, context};
+use super::views::{hold, print, row, table_head};
+use crate::reference::fixture::{Fixture, fixtures};
+
+fn bounds_of(fixture: &Fixture) -> Bounds {
+    let (image, gradient) = if fixture.name.starts_with("needle") {
+        tolerance::GPU_REFERENCE_NEEDLE
+    } else {
+        tolerance::GPU_REFERENCE
+    };
+    Bounds {
+        projection: tolerance::GPU_PROJECTION,
+        image,
+        gradient,
+    }
+}
 
 #[test]
 fn reference_cases_are_met_in_image_and_gradient() {
     let mut table = table_head();
     for fixture in fixtures() {
-        let needles = fixture.name.starts_with("needle");
-        let tolerances = if needles {
-            tolerance::GPU_REFERENCE_NEEDLE
-        } else {
-            tolerance::GPU_REFERENCE
-        };
+        let bounds = bounds_of(&fixture);
         for index in 0..fixture.n_views() {
             let view = fixture.view(index);
+            let (gaussians, camera) = (&view.gaussians, &view.camera);
             let truth = Truth {
                 rgb: &view.rgb,
                 alpha: &view.alpha,
@@ -26,10 +39,33 @@ fn reference_cases_are_met_in_image_and_gradient() {
                 classes: view.gradients.classes(),
             };
             let name = format!("{} {index}", fixture.name);
-            let (gaussians, camera) = (&view.gaussians, &view.camera);
-            let held = hold_view(&context(), &name, gaussians, camera, &truth, tolerances);
-            table += &row(&name, &held);
+            let mut out = Findings::of(&name);
+            let ctx = context();
+            let mut rig = Rig::of_twin(&ctx, gaussians, camera).expect("fits");
+            let image = rig.forward(&ctx).expect("renders");
+            hold_image(&image, &truth, bounds.image, &mut out);
+            let ours = rig.backward(&ctx, truth.d_rgb, truth.d_alpha);
+            let ours = ours.expect("differentiates");
+            hold_gradients(&ours, gaussians, camera, &truth, bounds.gradient, &mut out);
+            assert_findings(&out);
+            table += &row(&name, &out);
         }
+    }
+    print(&table);
+}
+
+#[test]
+fn every_stage_holds_on_the_reference_cases() {
+    let mut table = table_head();
+    for fixture in fixtures() {
+        let bounds = bounds_of(&fixture);
+        let view = fixture.view(0);
+        table += &hold(&ViewCase {
+            name: fixture.name.clone(),
+            gaussians: view.gaussians,
+            camera: view.camera,
+            bounds,
+        });
     }
     print(&table);
 }

@@ -4,12 +4,12 @@
 use std::collections::BTreeMap;
 use std::mem::offset_of;
 
+use gspotential::doctor;
 use gspotential::gpu::constants;
 use gspotential::gpu::shader::{STAGES, compose};
+use gspotential::reference::{project, raster};
 use gspotential::render::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use gspotential::train::optimizer::{RearrangeUniform, StepUniform};
-
-use crate::twins::{project, raster};
 
 /// Every stage at every SH degree.
 fn variants() -> impl Iterator<Item = (&'static str, u32)> {
@@ -140,6 +140,30 @@ fn every_entry_point_has_the_hosts_workgroup_size() {
 }
 
 #[test]
+fn the_doctor_knows_what_the_kernels_need() {
+    let (mut storage, mut uniform, mut shared) = (0, 0, 0);
+    for (stage, degree) in variants() {
+        let module = parse(stage, degree);
+        let count = |is: fn(naga::AddressSpace) -> bool| {
+            let variables = module.global_variables.iter();
+            variables.filter(|(_, v)| is(v.space)).count() as u32
+        };
+        use naga::AddressSpace::{Storage, Uniform, WorkGroup};
+        storage = storage.max(count(|space| matches!(space, Storage { .. })));
+        uniform = uniform.max(count(|space| matches!(space, Uniform)));
+        let in_workgroup = module
+            .global_variables
+            .iter()
+            .filter(|(_, v)| v.space == WorkGroup);
+        let bytes = in_workgroup.map(|(_, v)| module.types[v.ty].inner.size(module.to_ctx()));
+        shared = shared.max(bytes.sum());
+    }
+    assert_eq!(storage, doctor::STORAGE_BUFFERS);
+    assert_eq!(uniform, doctor::UNIFORM_BUFFERS);
+    assert_eq!(shared, doctor::WORKGROUP_BYTES);
+}
+
+#[test]
 fn bindings_lie_in_one_group_and_are_not_shared() {
     for (stage, degree) in variants() {
         let mut bindings: Vec<u32> = parse(stage, degree)
@@ -172,7 +196,7 @@ fn no_stage_holds_a_float_atomic_or_depends_on_subgroups() {
 }
 
 #[test]
-fn constants_are_those_of_the_twins() {
+fn constants_are_those_of_the_reference() {
     assert_eq!(constants::DILATION, project::DILATION);
     assert_eq!(constants::ALPHA_MAX, raster::ALPHA_MAX);
     assert_eq!(constants::ALPHA_MIN, raster::ALPHA_MIN);
@@ -180,7 +204,7 @@ fn constants_are_those_of_the_twins() {
     assert_eq!(constants::SSIM_C1, 0.01 * 0.01);
     assert_eq!(constants::SSIM_C2, 0.03 * 0.03);
     let window = constants::ssim_window();
-    let twin = crate::twins::loss::window();
+    let twin = gspotential::reference::loss::window();
     for (i, row) in window.iter().enumerate() {
         for (j, column) in window.iter().enumerate() {
             assert!((row * column - twin[i * 11 + j]).abs() < 1e-15);

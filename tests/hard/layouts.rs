@@ -5,11 +5,14 @@ use glam::DVec3;
 use gspotential::camera::Camera;
 use gspotential::config::Config;
 use gspotential::eval::EvalOptions;
-use gspotential::pipeline::{self, Prepared, prepare};
+use gspotential::field::{Field, Focus};
+use gspotential::pipeline::{self, Prepared, TrainJob, prepare};
 use gspotential::run::{RunDir, Seconds};
 use gspotential::scene::builtin::{BuiltinOptions, render, scene};
 use gspotential::scene::{Scene, SceneSource, View};
-use gspotential::train::Trained;
+use gspotential::splat::splat_views;
+use gspotential::train::{Trained, TrainingView};
+use gspotential::views::{Viewpoint, place};
 
 use super::survive;
 use crate::gpu::rig::context;
@@ -144,6 +147,40 @@ fn any_layout_of_cameras_trains_or_says_why_not() {
     }
 }
 
+#[test]
+fn virtual_views_at_the_poles_are_learned_from() {
+    let scene = small_scene();
+    let mut config = config(40);
+    let (mut prepared, _) = run("as drawn", &scene, &config);
+    let train: Vec<Camera> = scene.train.iter().map(|v| v.camera.clone()).collect();
+    let focus = Focus::find(&train, &scene.cloud).expect("a sphere");
+    let field = Field::new(&train, &focus, &config.field);
+    let up = train.iter().map(Camera::up).sum::<DVec3>().normalize();
+    let poles = [up, -up].map(Viewpoint::on_sphere);
+    let poles = place(&poles, &train, &focus, &field, &config).expect("cameras");
+    let cameras: Vec<Camera> = poles.into_iter().map(|view| view.camera).collect();
+    let near = config.model.near;
+    let splats = splat_views(&scene.cloud, &prepared.frame, &cameras, &config.splat, near);
+    let splats = splats.expect("splats");
+    assert!(splats[0].coverage() > 0.1, "nothing is seen from above");
+    prepared.supervision.virtual_views = cameras
+        .iter()
+        .zip(&splats)
+        .map(|(camera, splat)| TrainingView {
+            camera: prepared.frame.camera_to_canonical(camera),
+            goal: bytemuck::pod_collect_to_vec(&splat.rgba),
+            n_valid: splat.mask().filter(|valid| *valid).count(),
+            masked: true,
+            weight: 1.0,
+        })
+        .collect();
+    config.views.count = 2;
+    let (start, supervision) = (&prepared.start, &prepared.supervision);
+    let trained = survive(&context(), "poles", start, supervision, &config).expect("trains");
+    let losses: Vec<f64> = trained.samples.iter().map(|s| s.loss).collect();
+    assert!(losses.last() < losses.first(), "{losses:?}");
+}
+
 /// The scene in another unit and from another origin.
 fn moved(scene: &Scene, scale: f64, offset: DVec3) -> Scene {
     let mut scene = scene.clone();
@@ -208,16 +245,10 @@ fn a_test_view_that_is_a_training_view_is_evaluated_like_any_other() {
     let run = RunDir::create(&folder.path().join("run"), &config(60), false).expect("fresh");
     let source = SceneSource::Builtin { width: 48 };
     let _alone = context();
-    let evaluation = pipeline::train(
-        &gspotential::gpu::Gpu::open().expect("an adapter"),
-        &scene,
-        &source,
-        &config(60),
-        0.0,
-        &EvalOptions::default(),
-        &run,
-    )
-    .expect("trains");
+    let job = TrainJob::new(source, config(60)).expect("a job");
+    let gpu = gspotential::gpu::Gpu::open().expect("an adapter");
+    let evaluation =
+        pipeline::train(&gpu, &scene, &job, 0.0, &EvalOptions::default(), &run).expect("trains");
     let psnr: Vec<f64> = evaluation.views.iter().filter_map(|v| v.psnr).collect();
     assert_eq!(psnr.len(), 2);
     assert!(psnr[1] > psnr[0], "{psnr:?}");

@@ -2,16 +2,15 @@
 //! values, bounded parameters and an outcome that makes sense.
 
 mod layouts;
-mod specimens;
+pub mod specimens;
 mod training;
 
 use gspotential::config::Config;
+use gspotential::doctor::Context;
 use gspotential::error::Result;
 use gspotential::gaussians::Gaussians;
 use gspotential::run::LossSample;
 use gspotential::train::{Observer, Supervision, Trained, train};
-
-use crate::gpu::rig::Context;
 
 struct Quiet;
 
@@ -33,7 +32,7 @@ fn parameters(g: &Gaussians) -> [(&'static str, usize, Vec<f32>); 5] {
 
 /// Trains, and fails where a loss is not finite or beyond its range, a parameter that was finite
 /// no longer is, or one has gone further than Adam's steps can carry it.
-fn survive(
+pub fn survive(
     ctx: &Context,
     name: &str,
     start: &Gaussians,

@@ -1,18 +1,19 @@
 //! Single Gaussians of every unreasonable kind, among ordinary ones.
 
 use glam::{DVec3, Vec3};
-use gspotential::config::Config;
+use gspotential::config::{Config, Kernel};
+use gspotential::doctor::{Context, Rig, camera_of, gaussians_of, view_of, wide};
 use gspotential::field::{Coverage, Field, fibonacci_sphere};
 use gspotential::gaussians::Gaussians;
+use gspotential::reference::cases::{Random, looking_at, loss_weights, random_scene};
+use gspotential::reference::compare::{max_abs_off_mask, relative_l2};
+use gspotential::reference::model::{TwinCamera, TwinGaussians};
+use gspotential::reference::raster::{backward, render};
 use gspotential::train::{Supervision, TrainingView};
 
 use super::survive;
-use crate::gpu::render::print;
-use crate::gpu::rig::{Context, Rig, camera_of, context, gaussians_of, view_of, wide};
-use crate::twins::cases::{Random, looking_at, loss_weights, random_scene};
-use crate::twins::compare::{max_abs_off_mask, relative_l2};
-use crate::twins::model::{TwinCamera, TwinGaussians};
-use crate::twins::raster::{backward, render};
+use crate::gpu::rig::context;
+use crate::gpu::views::print;
 
 /// What becomes of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -183,6 +184,7 @@ pub fn noise_supervision(camera: &TwinCamera) -> Supervision {
         .collect();
     let field = Field {
         directions: vec![DVec3::NEG_Z],
+        kernel: Kernel::Sech,
         sigma: 5.3,
         lambda: 0.2,
     };
@@ -219,8 +221,8 @@ fn examine(ctx: &Context, s: &Specimen) -> Row {
     let camera = camera();
     let mut twin = backdrop();
     let bare = gaussians_of(&twin, 1);
-    let mut plain = Rig::new(ctx, &bare, view_of(&camera), 1);
-    let plain = plain.forward(ctx);
+    let mut plain = Rig::new(ctx, &bare, view_of(&camera), 1).expect("fits");
+    let plain = plain.forward(ctx).expect("renders");
     if s.fate == Drawn {
         add(&mut twin, s);
     }
@@ -229,8 +231,8 @@ fn examine(ctx: &Context, s: &Specimen) -> Row {
         add(&mut twin, s);
     }
     let gaussians = gaussians_of(&twin, 1);
-    let mut rig = Rig::new(ctx, &gaussians, view_of(&camera), 1);
-    let image = rig.forward(ctx);
+    let mut rig = Rig::new(ctx, &gaussians, view_of(&camera), 1).expect("fits");
+    let image = rig.forward(ctx).expect("renders");
     if s.fate == Dropped {
         assert!(image == plain, "{}: is drawn", s.name);
     } else {
@@ -243,6 +245,7 @@ fn examine(ctx: &Context, s: &Specimen) -> Row {
 
     let (d_rgb, d_alpha) = loss_weights(&truth, 3);
     let ours = rig.backward(ctx, &d_rgb, &d_alpha);
+    let ours = ours.expect("differentiates");
     let classes = [
         &ours.means,
         &ours.opacity_logit,
@@ -326,8 +329,8 @@ fn any_near_plane_that_is_not_negative_gives_the_reference_image() {
         };
         let truth = render(&gaussians, &camera);
         let ctx = context();
-        let mut rig = Rig::new(&ctx, &gaussians_of(&gaussians, 1), view_of(&camera), 1);
-        let image = rig.forward(&ctx);
+        let rig = Rig::new(&ctx, &gaussians_of(&gaussians, 1), view_of(&camera), 1);
+        let image = rig.expect("fits").forward(&ctx).expect("renders");
         let error = max_abs_off_mask(&wide(&image.rgb), &truth.rgb, &truth.fragile);
         assert!(error < 1e-5, "near {near}: {error:e}");
         images.push(image);

@@ -4,17 +4,18 @@
 use glam::{DVec3, Vec3};
 use gspotential::camera::Frame;
 use gspotential::config::Config;
+use gspotential::doctor::{gaussians_of, view_of};
 use gspotential::gaussians::Gaussians;
 use gspotential::gpu::constants::{TILE_H, TILE_W};
+use gspotential::reference::cases::{cameras, looking_at, random_scene};
+use gspotential::reference::model::TwinCamera;
 use gspotential::render::{Model, Renderer};
 use gspotential::scene::PointCloud;
 use gspotential::train::{Supervision, Trained, TrainingView};
 
 use super::specimens::{config, noise_supervision};
 use super::survive;
-use crate::gpu::rig::{context, gaussians_of, view_of};
-use crate::twins::cases::{cameras, looking_at, random_scene};
-use crate::twins::model::TwinCamera;
+use crate::gpu::rig::context;
 
 fn camera() -> TwinCamera {
     looking_at([0.0, 0.0, -1.5], [0.0; 3]).resized(61, 43)

@@ -11,7 +11,7 @@ use super::lpips_reference::{ALEX, Tensors, VGG, generated, reference};
 use super::noise;
 
 /// f32 against f64, relative.
-const TOLERANCE: f64 = 1e-5;
+const TOLERANCE: f64 = 2e-6;
 
 /// The LPIPS package's own example, where it lies beside the repository.
 fn example() -> Option<(PathBuf, [Image; 3])> {
@@ -69,6 +69,10 @@ fn both_nets_agree_with_naive_convolutions() {
                 let (a, b) = (noise(width, height, 1), noise(width, height, 2));
                 let ours = lpips.distance(&a, &b).unwrap();
                 let naive = reference(spec, &tensors, range == InputRange::Signed, &a, &b);
+                eprintln!(
+                    "{net} {range} {width}x{height}: {naive:.6}, off by {:.1e}",
+                    ours / naive - 1.0
+                );
                 assert!(
                     (ours / naive - 1.0).abs() < TOLERANCE,
                     "{net} {range} {width}x{height}: {ours} and {naive}"
@@ -87,7 +91,7 @@ fn comparison_with_naive_convolutions_notices_one_altered_value() {
         "net.slice1.0.weight",
         "net.slice2.3.bias",
         "net.slice5.10.weight",
-        "lin3.model.1.weight",
+        "lin0.model.1.weight",
     ] {
         let (before, values) = (tensors.clone(), tensors.values_mut(name));
         // The middle of a 3x3 kernel: of the last maps' one pixel, the others see the border.

@@ -63,5 +63,6 @@ fn a_page_has_the_figures_and_pictures_of_its_run() {
     }
     // Render, photograph, error map and the sheet of virtual views.
     assert_eq!(page.matches("data:image/jpeg;base64,").count(), 4);
-    assert_eq!(page.matches("<svg").count(), 2);
+    // Loss, size, PSNR and SSIM.
+    assert_eq!(page.matches("<svg").count(), 4);
 }

@@ -13,7 +13,7 @@ use gspotential::gaussians::Gaussians;
 use gspotential::gaussians::ply::write_ply;
 use gspotential::report::{write_png, write_run_page};
 use gspotential::run::{
-    Evaluation, ImageLoss, LossSample, Memory, Metrics, ModelSize, PoseProtocol, RunDir,
+    CurvePoint, Evaluation, ImageLoss, LossSample, Memory, Metrics, ModelSize, PoseProtocol, RunDir,
     SceneRecord, Seconds, ViewScore, file_names,
 };
 use gspotential::scene::{Image, View};
@@ -98,6 +98,12 @@ fn metrics(name: &str) -> Metrics {
         real: part,
         virt: Some(part),
     };
+    let curve = |iteration, psnr| CurvePoint {
+        iteration,
+        n_gaussians: 1,
+        psnr: Some(psnr),
+        ssim: Some(0.5),
+    };
     Metrics {
         version: "0".to_owned(),
         adapter: name.to_owned(),
@@ -108,7 +114,9 @@ fn metrics(name: &str) -> Metrics {
             name: name.to_owned(),
             train_views: vec!["a.png".to_owned(), "b.png".to_owned()],
             test_views: vec![name.to_owned()],
+            cloud: None,
             n_points: 1,
+            carved_points: None,
             pose_protocol: PoseProtocol::SharedFrame,
         },
         seconds: Seconds::default(),
@@ -119,5 +127,6 @@ fn metrics(name: &str) -> Metrics {
             n_gaussians: 1,
             plan: None,
         }],
+        curve: vec![curve(10, 11.0), curve(20, 12.34)],
     }
 }

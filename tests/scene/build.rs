@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use gspotential::config::Config;
 use gspotential::error::{Error, ErrorKind};
 use gspotential::scene::{self, LoadOptions, Scene};
 use image::{ImageFormat, Rgb, RgbImage};
@@ -89,13 +90,8 @@ pub fn warns(scene: &Scene, parts: &[&str]) {
 }
 
 pub fn options() -> LoadOptions {
-    LoadOptions {
-        max_width: 1600,
-        max_size: None,
-        train_views: None,
-        n_train: 4,
-        n_test: 60,
-    }
+    let config = Config::preset("paper").expect("a preset");
+    LoadOptions::new(&config)
 }
 
 /// Cameras that look along +z from (index, 0, 0).

@@ -1,9 +1,11 @@
 //! Which cloud is taken, COLMAP's points, cleaning, thinning.
 
-use super::build::{Folder, GOOD_PLY, fails_with, ply_with_rows, warns};
+use super::build::{Folder, GOOD_PLY, fails_with, options, ply_with_rows, warns};
 use glam::DVec3;
 use gspotential::error::ErrorKind;
-use gspotential::scene::{PointCloud, read_cloud, thin};
+use gspotential::scene::{
+    CloudSource, LoadOptions, PointCloud, SceneSource, load_builtin, random_like, read_cloud, thin,
+};
 
 fn points_bin() -> Vec<u8> {
     let mut bytes = 2u64.to_le_bytes().to_vec();
@@ -226,4 +228,93 @@ fn thinning_draws_the_same_on_every_platform() {
         [44.0, 300.0, 502.0, 760.0, 963.0],
         "the draw of this seed has changed"
     );
+}
+
+#[test]
+fn another_cloud_is_found_in_the_scene_beside_the_model_and_by_its_path() {
+    let folder = Folder::with_views(&["a.png", "b.png", "c.png", "d.png"]);
+    let other = ply_with_rows(&["0 1 5 9 9 9"]);
+    folder.write("other.ply", &other);
+    folder.write("sparse/0/beside.ply", &other);
+    let elsewhere = Folder::empty();
+    elsewhere.write("far.ply", &other);
+    let source = SceneSource::Folder(folder.path().to_owned());
+    let far = elsewhere.path().join("far.ply");
+    // A scene without a cloud of its own is one with a cloud that is named.
+    folder.remove("sparse/0/points3D.ply");
+    folder.fails_with(&["no point cloud beside the model"]);
+    for name in ["other.ply", "beside.ply", far.to_str().expect("UTF-8")] {
+        let cloud: CloudSource = name.parse().expect("a cloud");
+        let cloud = cloud.resolved(&source).expect("a file");
+        // As a run records it, and as it is read from there.
+        let recorded = cloud.to_string();
+        assert!(std::path::Path::new(&recorded).is_absolute(), "{recorded}");
+        assert_eq!(recorded.parse::<CloudSource>().expect("a cloud"), cloud);
+        let with_cloud = LoadOptions {
+            cloud: Some(cloud),
+            ..options()
+        };
+        let scene = folder.load_with(&with_cloud).expect("a scene");
+        assert_eq!(scene.cloud.colors, [[9, 9, 9]], "{name}");
+        assert!(scene.source.contains(name), "{}", scene.source);
+    }
+    let missing: CloudSource = "no.ply".parse().expect("a cloud");
+    let missing = missing.resolved(&source);
+    fails_with(missing, ErrorKind::Failure, &["no.ply: no such cloud file"]);
+    let made = CloudSource::Views(2).resolved(&source);
+    fails_with(made, ErrorKind::Usage, &["only the built-in scene"]);
+    for (text, part) in [
+        ("", "no cloud"),
+        ("views:0", "1 to 8"),
+        ("views:9", "1 to 8"),
+    ] {
+        fails_with(text.parse::<CloudSource>(), ErrorKind::Usage, &[part]);
+    }
+}
+
+#[test]
+fn a_random_cloud_fills_the_box_of_the_cloud_without_its_outliers() {
+    let mut cloud = numbered(2001);
+    cloud.positions[0] = DVec3::splat(-1e6);
+    cloud.positions[2000] = DVec3::new(1e6, 5.0, 5.0);
+    let random = random_like(&cloud, 3);
+    assert_eq!((random.len(), random.colors.len()), (2001, 2001));
+    assert_eq!(random.confidence, None);
+    for axis in 0..3 {
+        let mut values: Vec<f64> = random.positions.iter().map(|p| p[axis]).collect();
+        values.sort_by(f64::total_cmp);
+        // Of 2,000 uniform ones the k-th is within 3.5 standard deviations of its expectation.
+        assert!(values[0] >= 19.0 && values[2000] <= 1981.0, "{values:?}");
+        for k in [200, 1000, 1800] {
+            let expected = 20.0 + 1960.0 * k as f64 / 2000.0;
+            assert!((values[k] - expected).abs() < 77.0, "{k}: {}", values[k]);
+        }
+        let mean: f64 = random.colors.iter().map(|c| f64::from(c[axis])).sum();
+        assert!((mean / 2001.0 - 127.5).abs() < 5.8, "{mean}");
+    }
+    assert_eq!(random, random_like(&cloud, 3));
+    assert_ne!(random, random_like(&cloud, 4));
+    assert!(random_like(&PointCloud::default(), 0).is_empty());
+}
+
+#[test]
+fn the_built_in_scene_has_clouds_of_some_of_its_views_and_of_more() {
+    let load = |cloud| {
+        let options = LoadOptions {
+            cloud,
+            n_test: 0,
+            ..options()
+        };
+        load_builtin(32, &options).expect("a scene").cloud
+    };
+    let own = load(None);
+    let clouds: Vec<PointCloud> = (1..=8).map(|n| load(Some(CloudSource::Views(n)))).collect();
+    assert_eq!(clouds[3], own);
+    // Each view adds its points to those before.
+    for pair in clouds.windows(2) {
+        let n = pair[0].len();
+        assert!(pair[1].len() > n && pair[1].positions[..n] == pair[0].positions[..]);
+    }
+    let random = load(Some(CloudSource::Random));
+    assert_eq!(random, random_like(&own, options().seed));
 }

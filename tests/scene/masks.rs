@@ -3,7 +3,7 @@
 use image::{DynamicImage, GrayImage, ImageFormat, Luma, Rgba, RgbaImage};
 
 use super::build::{Folder, SIZE, options, picture, warns};
-use gspotential::scene::{LoadOptions, Scene};
+use gspotential::scene::{CloudSource, LoadOptions, Scene, SceneSource};
 
 const NAMES: [&str; 4] = ["a.png", "b.png", "c.png", "d.png"];
 
@@ -139,10 +139,9 @@ fn masks_that_are_none_are_refused_by_name() {
 
 #[test]
 fn a_stamp_changes_with_the_files_and_with_nothing_else() {
-    use gspotential::scene::SceneSource;
     let folder = Folder::with_views(&NAMES);
     let source = SceneSource::Folder(folder.path().to_owned());
-    let stamp = || source.stamp().expect("a folder");
+    let stamp = || source.stamp(None).expect("a folder");
     let before = stamp();
     assert_eq!(stamp(), before);
     folder.write("masks/a.png.png", left_of(3, SIZE));
@@ -154,7 +153,15 @@ fn a_stamp_changes_with_the_files_and_with_nothing_else() {
     // The empty folder is left, which holds no file.
     assert_eq!(stamp(), before);
     let gone = SceneSource::Folder(folder.path().join("none"));
-    assert_eq!(gone.stamp(), None);
-    let builtin = |width| SceneSource::Builtin { width }.stamp();
+    assert_eq!(gone.stamp(None), None);
+    // A cloud from elsewhere is one of the files.
+    let outside = Folder::empty();
+    outside.write("cloud.ply", "1");
+    let cloud = CloudSource::File(outside.path().join("cloud.ply"));
+    let with_cloud = source.stamp(Some(&cloud));
+    assert!(with_cloud.is_some() && with_cloud != source.stamp(None));
+    outside.write("cloud.ply", "12");
+    assert_ne!(source.stamp(Some(&cloud)), with_cloud);
+    let builtin = |width| SceneSource::Builtin { width }.stamp(None);
     assert!(builtin(64).is_some() && builtin(64) != builtin(65));
 }

@@ -2,7 +2,7 @@
 
 use super::build::{Folder, fails_with, options, warns};
 use gspotential::error::ErrorKind;
-use gspotential::scene::{LoadOptions, Scene, View};
+use gspotential::scene::{LoadOptions, Scene, View, load_builtin};
 
 fn names(views: &[View]) -> String {
     let stems: Vec<_> = views
@@ -87,6 +87,72 @@ fn named_training_views_come_before_the_split_file() {
     let scene = folder.load_with(&trained_on(&["c", "a"])).expect("a scene");
     is_split(&scene, "c a", "f");
     warns(&scene, &["1 test views of `split.json` are trained on"]);
+}
+
+#[test]
+fn named_test_views_come_before_the_split_file_and_are_checked_like_training_views() {
+    let folder = letters(6);
+    let tested_on = |names: &[&str]| LoadOptions {
+        test_views: Some(names.iter().map(|name| format!("{name}.png")).collect()),
+        ..trained_on(&["c", "a"])
+    };
+    for file in [
+        None,
+        Some(r#"{"train": ["e.png"], "test": ["f.png", "a.png"]}"#),
+    ] {
+        if let Some(json) = file {
+            folder.write("split.json", json);
+        }
+        let scene = folder.load_with(&tested_on(&["f", "b"])).expect("a scene");
+        is_split(&scene, "c a", "f b");
+        warns(&scene, &[]);
+        is_split(
+            &folder.load_with(&tested_on(&[])).expect("a scene"),
+            "c a",
+            "",
+        );
+        for (names, part) in [
+            (
+                &["b", "c"][..],
+                "`c.png` is named for training and for testing",
+            ),
+            (&["b", "b"], "test view `b.png` is named twice"),
+            (&["q"], "test view `q.png` is not in the scene"),
+        ] {
+            let loaded = folder.load_with(&tested_on(names));
+            fails_with(loaded, ErrorKind::Usage, &[part]);
+        }
+    }
+}
+
+#[test]
+fn the_built_in_scene_is_split_by_names_as_well() {
+    let named = |train: Option<&[&str]>, test: Option<&[&str]>| {
+        let owned = |names: &[&str]| names.iter().map(|name| format!("{name}.png")).collect();
+        let options = LoadOptions {
+            train_views: train.map(owned),
+            test_views: test.map(owned),
+            n_test: 3,
+            ..options()
+        };
+        load_builtin(16, &options)
+    };
+    let scene = named(Some(&["test_01", "train_02"]), None).expect("a scene");
+    is_split(&scene, "test_01 train_02", "test_00 test_02");
+    let scene = named(None, Some(&["test_02"])).expect("a scene");
+    is_split(&scene, "train_00 train_01 train_02 train_03", "test_02");
+    for (train, test, part) in [
+        (&["train_04"][..], None, "did you mean `train_00.png`"),
+        (&["train_01", "train_01"], None, "named twice"),
+        (&[], None, "no training view"),
+        (
+            &["test_00"],
+            Some(&["test_00"][..]),
+            "for training and for testing",
+        ),
+    ] {
+        fails_with(named(Some(train), test), ErrorKind::Usage, &[part]);
+    }
 }
 
 #[test]

@@ -2,7 +2,8 @@
 //!
 //! Tensors are `[height][width][channels]`, so that what a convolution sees of one pixel, and what
 //! it makes of one, are contiguous. A convolution is a matrix product of its weights with the
-//! patches of a band of pixels (im2col); nalgebra hands it to `matrixmultiply`.
+//! patches of a band of pixels (im2col); nalgebra hands it to `matrixmultiply`. What else was
+//! measured, and how much faster this is: `benches/runs/2026-11-22-llvmpipe/lpips.md`.
 
 use nalgebra::{DMatrixView, DMatrixViewMut};
 use rayon::prelude::*;

@@ -2,10 +2,11 @@
 
 use std::fmt;
 
-use super::{Block, ComparedRun, Comparison, Figure, Row};
-use crate::report::evaluation::{MASKED, how};
+use super::{Block, ComparedRun, Comparison, Row};
+use crate::report::evaluation::{MASKED, how, lpips_hint};
 use crate::report::table::{Table, escaped};
 use crate::run::{LpipsRecord, Mean};
+use crate::stats::Figure;
 
 /// A column of figures.
 struct Column {
@@ -65,9 +66,10 @@ impl Column {
         };
         let digits = self.digits;
         let rounded = |value: f64| format!("{value:.digits$}");
+        let compares = figures.iter().flatten().count() > 1;
         let is_best = |figure: &Option<Figure>| {
             let mean = figure.map(|figure| rounded(figure.mean));
-            figures.len() > 1 && mean.is_some() && mean == best.map(rounded)
+            compares && mean.is_some() && mean == best.map(rounded)
         };
         let cell = |figure: &Option<Figure>| {
             let text = self.printed(*figure);
@@ -87,22 +89,16 @@ fn columns(runs: &[ComparedRun]) -> Vec<Column> {
         Column::new("PSNR dB", Higher, 2, |run| run.evaluation.mean.psnr),
         Column::new("SSIM", Higher, 3, |run| run.evaluation.mean.ssim),
     ];
-    columns.extend(lpips_columns(runs));
-    if runs.iter().any(|run| run.evaluation.mean_masked.is_some()) {
-        let masked = |value: fn(&Mean) -> Option<f64>| {
-            move |run: &ComparedRun| {
-                let masked = run.evaluation.mean_masked.as_ref();
-                masked.and_then(|masked| value(&masked.mean))
-            }
-        };
+    columns.extend(lpips_columns(runs, "", |run| run.evaluation.mean.lpips));
+    if any_masked(runs) {
         columns.extend([
-            Column::new("masked PSNR dB", Higher, 2, masked(|mean| mean.psnr)),
-            Column::new("masked SSIM", Higher, 3, masked(|mean| mean.ssim)),
-            Column::new("masked LPIPS", Lower, 3, masked(|mean| mean.lpips)),
+            Column::new("masked PSNR dB", Higher, 2, |run| masked(run)?.psnr),
+            Column::new("masked SSIM", Higher, 3, |run| masked(run)?.ssim),
         ]);
+        columns.extend(lpips_columns(runs, "masked ", |run| masked(run)?.lpips));
     }
     columns.extend([
-        Column::new("time s", Lower, 0, |run| run.metrics.seconds.to_model()),
+        Column::new("time s", Lower, 1, |run| run.metrics.seconds.to_model()),
         Column::new("Gaussians", Neither, 0, |run| {
             Some(run.evaluation.n_gaussians as f64)
         }),
@@ -113,8 +109,21 @@ fn columns(runs: &[ComparedRun]) -> Vec<Column> {
     columns
 }
 
-/// Distances of different nets, ranges or weights do not stand in one column.
-fn lpips_columns(runs: &[ComparedRun]) -> Vec<Column> {
+fn any_masked(runs: &[ComparedRun]) -> bool {
+    runs.iter().any(|run| masked(run).is_some())
+}
+
+fn masked(run: &ComparedRun) -> Option<Mean> {
+    run.evaluation.mean_masked.map(|masked| masked.mean)
+}
+
+/// A column for every LPIPS that was measured: distances of different nets, ranges or weights do
+/// not compare.
+fn lpips_columns(
+    runs: &[ComparedRun],
+    prefix: &str,
+    value: fn(&ComparedRun) -> Option<f64>,
+) -> Vec<Column> {
     let mut kinds: Vec<&LpipsRecord> = Vec::new();
     for kind in runs.iter().filter_map(|run| run.measured().lpips.as_ref()) {
         if !kinds.contains(&kind) {
@@ -122,17 +131,23 @@ fn lpips_columns(runs: &[ComparedRun]) -> Vec<Column> {
         }
     }
     if kinds.is_empty() {
-        return vec![Column::new("LPIPS", Better::Lower, 3, |_| None)];
+        return vec![Column::new(
+            format!("{prefix}LPIPS"),
+            Better::Lower,
+            3,
+            value,
+        )];
     }
     let column = |kind: &&LpipsRecord| {
-        let mut heading = kind.to_string();
-        if kinds.iter().filter(|k| k.to_string() == heading).count() > 1 {
+        let name = kind.to_string();
+        let mut heading = format!("{prefix}{name}");
+        if kinds.iter().filter(|k| k.to_string() == name).count() > 1 {
             heading += &format!(" weights {:.8}", kind.weights_sha256);
         }
         let kind = (*kind).clone();
         Column::new(heading, Better::Lower, 3, move |run| {
             let is_it = run.measured().lpips.as_ref() == Some(&kind);
-            run.evaluation.mean.lpips.filter(|_| is_it)
+            value(run).filter(|_| is_it)
         })
     };
     kinds.iter().map(column).collect()
@@ -209,6 +224,26 @@ impl Comparison<'_> {
     /// What a reader must know to compare the rows.
     fn notes(&self) -> Vec<String> {
         let first = &self.runs[0];
+        let mut notes = Vec::new();
+        notes.extend(self.shared_settings());
+        notes.push(self.what_figures_are());
+        if any_masked(self.runs) {
+            notes.push(format!("{MASKED}."));
+        }
+        notes.extend(self.differing("adapters", |run| &run.metrics.adapter));
+        notes.extend(self.differing("versions", |run| &run.metrics.version));
+        if self.blocks.iter().any(|block| block.scene.ends_with(']')) {
+            notes.extend(self.differing("scenes", |run| &run.metrics.scene.source));
+        }
+        notes.push(how(first.measured()));
+        if self.runs.iter().any(|run| run.measured().lpips.is_none()) {
+            notes.push(lpips_hint());
+        }
+        notes
+    }
+
+    fn shared_settings(&self) -> Option<String> {
+        let first = &self.runs[0];
         let mut same = Vec::new();
         if self.agree(|run| run.config.iterations) {
             same.push(format!("{} iterations", first.config.iterations));
@@ -220,38 +255,23 @@ impl Comparison<'_> {
             let n = first.metrics.scene.train_views.len();
             same.push(format!("{n} training views"));
         }
-        let mut notes = Vec::new();
-        if !same.is_empty() {
-            notes.push(format!("All runs: {}.", same.join(", ")));
-        }
-        let mut figures = "Figures are means over the test views".to_owned();
+        (!same.is_empty()).then(|| format!("All runs: {}.", same.join(", ")))
+    }
+
+    fn what_figures_are(&self) -> String {
+        let mut text = "Figures are means over the test views".to_owned();
         if self.all_rows().any(|row| row.runs.len() > 1) {
-            figures += ", then over seeds, ± standard deviation";
+            text += ", then over seeds, ± standard deviation";
         }
-        notes.push(
-            figures
-                + "; best of a scene in bold. Time is from loading the scene to the trained model.",
-        );
-        if self.blocks.len() > 1 && self.labels_of_all().is_empty() {
-            notes.push(
-                "No mean over scenes: no method is in all of them once, or a scene is here twice."
-                    .into(),
-            );
+        text += "; best of a scene in bold. Time is from loading the scene to the trained model.";
+        if self.blocks.len() > 1 {
+            text += if self.labels_of_all().is_empty() {
+                " No mean over scenes: no method is in all of them, or a scene is here twice."
+            } else {
+                " Means over scenes are of the methods that are in all of them."
+            };
         }
-        if self
-            .runs
-            .iter()
-            .any(|run| run.evaluation.mean_masked.is_some())
-        {
-            notes.push(format!("{MASKED}."));
-        }
-        notes.extend(self.differing("adapters", |run| &run.metrics.adapter));
-        notes.extend(self.differing("versions", |run| &run.metrics.version));
-        if self.blocks.iter().any(|block| block.scene.ends_with(']')) {
-            notes.extend(self.differing("scenes", |run| &run.metrics.scene.source));
-        }
-        notes.push(how(first.measured()));
-        notes
+        text
     }
 
     /// A line where runs differ in what they were trained with.

@@ -10,6 +10,7 @@ pub use run::ComparedRun;
 
 use crate::error::{Error, Result};
 use crate::run::{PoseProtocol, Renders};
+use crate::stats::Figure;
 
 /// Training views that a row's label names; more are counted.
 const MAX_NAMED: usize = 4;
@@ -35,29 +36,6 @@ pub struct Row<'a> {
     /// The method, and those settings in which the compared runs differ.
     pub label: String,
     pub runs: Vec<&'a ComparedRun>,
-}
-
-/// What a row's runs measured.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Figure {
-    pub mean: f64,
-    /// Sample standard deviation; none of a single run.
-    pub deviation: Option<f64>,
-}
-
-impl Figure {
-    /// Of values that are all there.
-    pub fn of(values: impl Iterator<Item = Option<f64>>) -> Option<Figure> {
-        let values = values.collect::<Option<Vec<f64>>>()?;
-        let n = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / n;
-        let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-        (!values.is_empty()).then_some(Figure {
-            mean,
-            // An infinite value has none.
-            deviation: (n > 1.0 && mean.is_finite()).then(|| (squares / (n - 1.0)).sqrt()),
-        })
-    }
 }
 
 /// Refuses runs whose test cameras came into the frame in different ways; each is given by name.

@@ -1,5 +1,7 @@
 //! A run as a comparison sees it.
 
+use std::path::Path;
+
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::run::{Evaluation, Measured, Metrics, RunDir};
@@ -9,7 +11,7 @@ use crate::run::{Evaluation, Measured, Metrics, RunDir};
 pub struct ComparedRun {
     name: String,
     /// The preset and every value that differs from it, but for the seed, the iterations and
-    /// what is loaded: `paper (loss.ssim_weight=0.3)`.
+    /// what is loaded, and a cloud that is not the scene's own: `paper (loss.ssim_weight=0.3)`.
     pub method: String,
     /// `key=value` of every value that differs from the preset's.
     pub changes: Vec<String>,
@@ -34,7 +36,12 @@ impl ComparedRun {
         let changes = config.changes()?;
         let is_method = |key: &str| key != "iterations" && !key.starts_with("scene.");
         let of_method = changes.iter().filter(|(key, _)| is_method(key));
-        let of_method: Vec<String> = of_method.map(|(k, v)| format!("{k}={v}")).collect();
+        let mut of_method: Vec<String> = of_method.map(|(k, v)| format!("{k}={v}")).collect();
+        let metrics = run.metrics()?;
+        if let Some(cloud) = &metrics.scene.cloud {
+            let file = Path::new(cloud).file_name().unwrap_or_default();
+            of_method.push(format!("cloud={}", file.to_string_lossy()));
+        }
         let method = if of_method.is_empty() {
             config.preset.clone()
         } else {
@@ -45,7 +52,7 @@ impl ComparedRun {
             method,
             changes: changes.iter().map(|(k, v)| format!("{k}={v}")).collect(),
             config,
-            metrics: run.metrics()?,
+            metrics,
             evaluation,
             measured,
         })
@@ -71,6 +78,7 @@ impl ComparedRun {
     pub(super) fn same_row(&self, other: &ComparedRun) -> bool {
         let key = |run: &ComparedRun| (run.config.iterations, run.config.scene.max_points);
         self.method == other.method
+            && self.metrics.scene.cloud == other.metrics.scene.cloud
             && key(self) == key(other)
             && self.metrics.scene.train_views == other.metrics.scene.train_views
     }

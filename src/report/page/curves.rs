@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::report::plot::{Axis, Plot, Point, Style};
-use crate::run::{ImageLoss, LossSample, Metrics};
+use crate::run::{CurvePoint, ImageLoss, LossSample, Metrics};
 
 /// Most points of a curve: a sample is of one view and jumps with it, a mean over many does not.
 const MAX_POINTS: usize = 60;
@@ -19,39 +19,67 @@ pub struct Trained<'a> {
 /// # Errors
 /// Runs without any loss sample.
 pub fn plots(runs: &[Trained]) -> Result<Vec<String>> {
-    let iterations = || Axis::linear("iteration");
-    let mut loss = Plot::new(
-        "Loss",
-        iterations(),
-        Axis::linear("(1 - w) L1 + w (1 - SSIM)"),
-    );
-    let mut size = Plot::new("Size", iterations(), Axis::linear("Gaussians"));
+    let mut plots = vec![loss(runs).to_svg()?, size(runs).to_svg()?];
+    // The test views on the way are measured on request alone.
+    if runs.iter().any(|run| !run.metrics.curve.is_empty()) {
+        plots.push(quality(runs, "PSNR (dB)", |p| p.psnr).to_svg()?);
+        plots.push(quality(runs, "SSIM", |p| p.ssim).to_svg()?);
+    }
+    Ok(plots)
+}
+
+fn over_iterations(title: &str, label: &str) -> Plot {
+    Plot::new(title, Axis::linear("iteration"), Axis::linear(label))
+}
+
+/// The legend needs no name where there is one run.
+fn label<'a>(runs: &[Trained<'a>], run: &Trained<'a>) -> &'a str {
+    if runs.len() == 1 { "" } else { run.name }
+}
+
+fn loss(runs: &[Trained]) -> Plot {
+    let mut plot = over_iterations("Loss", "(1 - w) L1 + w (1 - SSIM)");
     for run in runs {
-        let samples = &run.metrics.loss;
-        let total = |part: ImageLoss| {
-            (1.0 - run.ssim_weight) * part.l1 + run.ssim_weight * (1.0 - part.ssim)
-        };
+        let w = run.ssim_weight;
+        let total = |part: ImageLoss| (1.0 - w) * part.l1 + w * (1.0 - part.ssim);
         let name = |what: &str| match runs {
             [_] => what.to_owned(),
             _ => format!("{}, {what}", run.name),
         };
+        let samples = &run.metrics.loss;
         let real = means(samples, |s| Some(total(s.real)));
-        loss = loss.with(&name("photographs"), Style::Curve, real);
+        plot = plot.with(&name("photographs"), Style::Curve, real);
         let virt = means(samples, |s| s.virt.map(total));
         if !virt.is_empty() {
-            loss = loss.with(&name("virtual views"), Style::Curve, virt);
+            plot = plot.with(&name("virtual views"), Style::Curve, virt);
         }
+    }
+    plot
+}
+
+fn size(runs: &[Trained]) -> Plot {
+    let mut plot = over_iterations("Size", "Gaussians");
+    for run in runs {
         let sizes = run.metrics.model_size.iter();
-        let mut sizes: Vec<Point> = sizes
+        let mut points: Vec<Point> = sizes
             .map(|s| Point::new(s.iteration.into(), s.n_gaussians as f64))
             .collect();
-        if let Some(last) = sizes.last() {
-            sizes.push(Point::new(run.metrics.iterations.into(), last.y));
+        if let Some(last) = points.last() {
+            points.push(Point::new(run.metrics.iterations.into(), last.y));
         }
-        let label = if runs.len() == 1 { "" } else { run.name };
-        size = size.with(label, Style::Curve, sizes);
+        plot = plot.with(label(runs, run), Style::Curve, points);
     }
-    Ok(vec![loss.to_svg()?, size.to_svg()?])
+    plot
+}
+
+fn quality(runs: &[Trained], measure: &str, value: fn(&CurvePoint) -> Option<f64>) -> Plot {
+    let mut plot = over_iterations("Test views", measure);
+    for run in runs {
+        let point = |p: &CurvePoint| Some(Point::new(p.iteration.into(), value(p)?));
+        let points = run.metrics.curve.iter().filter_map(point);
+        plot = plot.with(label(runs, run), Style::Curve, points.collect());
+    }
+    plot
 }
 
 /// Means over stretches of samples of one length, each at its stretch's end.

@@ -249,6 +249,7 @@ fn details(config: &Config, metrics: &Metrics) -> Result<Markup> {
     let stages = [
         ("load", seconds.load),
         ("field", seconds.field),
+        ("carve", seconds.carve),
         ("sample", seconds.sample),
         ("splat", seconds.splat),
         ("train", seconds.train),

@@ -28,6 +28,9 @@ use crate::camera::Camera;
 /// Image widths that the built-in scene is made at.
 pub const WIDTHS: RangeInclusive<u32> = 16..=4096;
 
+/// Numbers of views that the cloud can be made from.
+pub const CLOUD_VIEWS: RangeInclusive<usize> = 1..=8;
+
 /// What every camera of the scene looks at, give or take a little.
 pub const CENTER: DVec3 = DVec3::new(0.0, 0.0, 0.3);
 
@@ -41,7 +44,10 @@ pub struct BuiltinOptions {
     pub seed: u64,
     /// Number of test views.
     pub n_test: usize,
-    /// The cloud has a point for every so-many-th pixel of the training views, in x and in y;
+    /// Views that the cloud is made from, within [`CLOUD_VIEWS`] (others are clamped): the
+    /// training views and, beyond them, views midway between.
+    pub cloud_views: usize,
+    /// The cloud has a point for every so-many-th pixel of its views, in x and in y;
     /// at 1, the density of DUSt3R, it has about as many points as there are training pixels.
     pub pixel_step: u32,
     pub imperfections: Imperfections,
@@ -53,6 +59,7 @@ impl Default for BuiltinOptions {
             width: 480,
             seed: 0,
             n_test: 60,
+            cloud_views: 4,
             pixel_step: 1,
             imperfections: Imperfections::default(),
         }
@@ -60,7 +67,7 @@ impl Default for BuiltinOptions {
 }
 
 /// Makes the scene: 4 training views on an uneven ring, `n_test` test views over the upper
-/// hemisphere, and the cloud of the training views.
+/// hemisphere, and the cloud.
 pub fn scene(options: &BuiltinOptions) -> Scene {
     let width = options.width.clamp(*WIDTHS.start(), *WIDTHS.end());
     let mut warnings = Vec::new();
@@ -73,10 +80,15 @@ pub fn scene(options: &BuiltinOptions) -> Scene {
         ));
     }
     let cameras = train_cameras(width);
-    let traced: Vec<Traced> = cameras.par_iter().map(trace).collect();
+    let all = [cameras.clone(), cameras_between(width)].concat();
+    let n_cloud = options
+        .cloud_views
+        .clamp(*CLOUD_VIEWS.start(), *CLOUD_VIEWS.end());
+    let n_traced = n_cloud.max(cameras.len());
+    let traced: Vec<Traced> = all[..n_traced].par_iter().map(trace).collect();
     let cloud = point_cloud(
-        &cameras,
-        &traced,
+        &all[..n_cloud],
+        &traced[..n_cloud],
         options.pixel_step,
         options.seed,
         &options.imperfections,
@@ -108,16 +120,18 @@ pub fn scene(options: &BuiltinOptions) -> Scene {
     }
 }
 
+/// The training cameras: azimuth and elevation in degrees, distance, and how far the aim is off
+/// the centre.
+const RING: [(f64, f64, f64, DVec3); 4] = [
+    (-112.0, 25.0, 3.9, DVec3::new(0.05, -0.02, 0.02)),
+    (-50.0, 36.0, 3.7, DVec3::new(-0.04, 0.05, -0.02)),
+    (36.0, 18.0, 4.1, DVec3::new(0.02, 0.04, 0.03)),
+    (154.0, 29.0, 3.8, DVec3::new(-0.03, -0.05, 0.0)),
+];
+
 /// The 4 training cameras for images of this width: azimuth gaps of 62 to 118 degrees,
 /// elevations of 18 to 36.
 pub fn train_cameras(width: u32) -> Vec<Camera> {
-    // Azimuth and elevation in degrees, distance, and how far the aim is off the centre.
-    const RING: [(f64, f64, f64, DVec3); 4] = [
-        (-112.0, 25.0, 3.9, DVec3::new(0.05, -0.02, 0.02)),
-        (-50.0, 36.0, 3.7, DVec3::new(-0.04, 0.05, -0.02)),
-        (36.0, 18.0, 4.1, DVec3::new(0.02, 0.04, 0.03)),
-        (154.0, 29.0, 3.8, DVec3::new(-0.03, -0.05, 0.0)),
-    ];
     let camera = |(i, (azimuth, elevation, distance, aim)): (usize, (f64, f64, f64, DVec3))| {
         let name = format!("train_{i:02}.png");
         around(
@@ -130,6 +144,24 @@ pub fn train_cameras(width: u32) -> Vec<Camera> {
         )
     };
     RING.into_iter().enumerate().map(camera).collect()
+}
+
+/// Midway between neighbours of the ring: what a cloud of more views than the training views
+/// sees besides.
+fn cameras_between(width: u32) -> Vec<Camera> {
+    let between = |i: usize| {
+        let (a, b) = (RING[i], RING[(i + 1) % RING.len()]);
+        let gap = (b.0 - a.0).rem_euclid(360.0);
+        around(
+            width,
+            format!("between_{i:02}.png"),
+            (a.0 + 0.5 * gap).to_radians(),
+            (0.5 * (a.1 + b.1)).to_radians(),
+            0.5 * (a.2 + b.2),
+            DVec3::ZERO,
+        )
+    };
+    (0..RING.len()).map(between).collect()
 }
 
 /// `n` test cameras, even in area between 5 and 75 degrees of elevation, at the training

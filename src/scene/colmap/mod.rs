@@ -19,7 +19,7 @@ use crate::error::{Error, Result, read_file};
 pub(super) use points::{read_points_binary, read_points_text};
 
 /// Where a model is looked for, in this order.
-const FOLDERS: [&str; 3] = ["sparse/0", "sparse", "0"];
+pub(super) const FOLDERS: [&str; 3] = ["sparse/0", "sparse", "0"];
 
 /// Names of COLMAP's camera models by their id in binary files.
 const MODELS: [&str; 12] = [
@@ -40,45 +40,71 @@ const MODELS: [&str; 12] = [
 /// Sides of images, and of the cameras that took them, beyond this are refused.
 const MAX_SIDE: u64 = 1 << 20;
 
+/// The model of the scene folder `dir`: its folder relative to `dir`, and the extension of its
+/// files. Where both encodings are there, the binary one is what COLMAP itself would take.
+fn find_model(dir: &Path) -> Option<(&'static str, &'static str)> {
+    let models = FOLDERS.into_iter().flat_map(|f| [(f, "bin"), (f, "txt")]);
+    models
+        .into_iter()
+        .find(|(folder, ext)| dir.join(folder).join(format!("cameras.{ext}")).is_file())
+}
+
 /// Reads the COLMAP model of the scene folder `dir`; `None` where it has none.
 pub(super) fn read(dir: &Path) -> Result<Option<Layout>> {
-    for folder in FOLDERS {
-        let model_dir = dir.join(folder);
-        let file = |name: &str| model_dir.join(name);
-        // Where both are there, the binary one is what COLMAP itself would take.
-        let (kind, extension) = if file("cameras.bin").is_file() {
-            ("binary", "bin")
-        } else if file("cameras.txt").is_file() {
-            ("text", "txt")
-        } else {
-            continue;
-        };
-        let cameras_path = file(&format!("cameras.{extension}"));
-        let images_path = file(&format!("images.{extension}"));
-        let cameras = read_file(&cameras_path)?;
-        let images = read_file(&images_path)?;
-        let mut model = Model::default();
-        let (read_cameras, read_images): (ReadInto, ReadInto) = if kind == "binary" {
-            (binary::read_cameras, binary::read_images)
-        } else {
-            (text::read_cameras, text::read_images)
-        };
-        read_cameras(&cameras, &mut model).map_err(|e| e.at_path(&cameras_path))?;
-        read_images(&images, &mut model).map_err(|e| e.at_path(&images_path))?;
-        if model.views.is_empty() {
-            return Err(Error::new("the model has no posed image")
-                .at_path(&images_path)
-                .way_out("the reconstruction failed: run it again on more overlapping images"));
-        }
-        return Ok(Some(Layout {
-            source: format!("{folder} ({kind})"),
-            cameras: model.views,
-            image_dir: dir.join("images"),
-            cloud: find_cloud(dir, &model_dir)?,
-            n_unnormalized: model.n_unnormalized,
-        }));
+    let Some((folder, extension)) = find_model(dir) else {
+        return Ok(None);
+    };
+    let model_dir = dir.join(folder);
+    let cameras_path = model_dir.join(format!("cameras.{extension}"));
+    let images_path = model_dir.join(format!("images.{extension}"));
+    let cameras = read_file(&cameras_path)?;
+    let images = read_file(&images_path)?;
+    let mut model = Model::default();
+    let (kind, read_cameras, read_images): (_, ReadInto, ReadInto) = match extension {
+        "bin" => ("binary", binary::read_cameras, binary::read_images),
+        _ => ("text", text::read_cameras, text::read_images),
+    };
+    read_cameras(&cameras, &mut model).map_err(|e| e.at_path(&cameras_path))?;
+    read_images(&images, &mut model).map_err(|e| e.at_path(&images_path))?;
+    if model.views.is_empty() {
+        return Err(Error::new("the model has no posed image")
+            .at_path(&images_path)
+            .way_out("the reconstruction failed: run it again on more overlapping images"));
     }
-    Ok(None)
+    Ok(Some(Layout {
+        source: format!("{folder} ({kind})"),
+        cameras: model.views,
+        image_dir: dir.join("images"),
+        cloud: find_cloud(dir, &model_dir),
+        n_unnormalized: model.n_unnormalized,
+    }))
+}
+
+/// Clouds that the scene folder `dir` offers besides the one that is taken: `points*.ply` beside
+/// the model and in `dir`, by name.
+///
+/// # Errors
+/// A folder that cannot be listed.
+pub fn other_clouds(dir: &Path) -> Result<Vec<PathBuf>> {
+    let Some((folder, _)) = find_model(dir) else {
+        return Ok(Vec::new());
+    };
+    let model_dir = dir.join(folder);
+    let own = find_cloud(dir, &model_dir).ok();
+    let mut clouds = Vec::new();
+    for folder in [model_dir.as_path(), dir] {
+        let failed = |e| Error::new(format!("cannot list: {e}")).at_path(folder);
+        for entry in std::fs::read_dir(folder).map_err(failed)? {
+            let path = entry.map_err(failed)?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let is_cloud = name.starts_with("points") && name.ends_with(".ply");
+            if is_cloud && path.is_file() && Some(&path) != own.as_ref() {
+                clouds.push(path);
+            }
+        }
+    }
+    clouds.sort();
+    Ok(clouds)
 }
 
 /// Says where [`read`] looks, for the error that no format was recognised.

@@ -1,0 +1,91 @@
+//! Speed against error of the choices that trade one for the other.
+//!
+//! `cargo bench --bench tradeoff -- [--scene DIR|builtin:WIDTH] [--out DIR] [--max-size PX]
+//! [--max-points N] [--iterations N] [--rounds N]`
+//!
+//! Kernels are made of the program's sources with a constant or a few lines replaced. Settings
+//! take turns, so that a machine that is shared slows all of them alike, and each one's fastest
+//! round counts.
+
+mod clock;
+mod grid;
+mod kernels;
+mod output;
+mod splat;
+mod variants;
+
+use std::path::PathBuf;
+
+use clap::Parser;
+use gspotential::config::Config;
+use gspotential::error::Result;
+use gspotential::pipeline::load_scene;
+use gspotential::scene::{LoadOptions, Scene, SceneSource};
+
+/// What is measured of one setting of one choice.
+pub struct Measured {
+    pub choice: &'static str,
+    pub setting: String,
+    /// Whether the program uses it.
+    pub kept: bool,
+    pub seconds: f64,
+    /// In the unit of its choice.
+    pub error: f64,
+    /// What else there is to know.
+    pub note: String,
+}
+
+#[derive(Parser)]
+struct Args {
+    #[arg(long, default_value = "builtin")]
+    scene: SceneSource,
+    /// Folder for tradeoff.csv, tradeoff.md and the plots
+    #[arg(long, default_value = "target/tradeoff")]
+    out: PathBuf,
+    #[arg(long, default_value_t = 320)]
+    max_size: u32,
+    #[arg(long, default_value_t = 30_000)]
+    max_points: usize,
+    /// Training iterations before Gaussians are measured
+    #[arg(long, default_value_t = 300)]
+    iterations: u32,
+    /// Rounds of which the fastest counts
+    #[arg(long, default_value_t = 7)]
+    rounds: usize,
+    /// What cargo passes to every bench
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn load(args: &Args, config: &Config) -> Result<Scene> {
+    let source = args.scene.clone().resolved()?.at_most(args.max_size);
+    load_scene(&source, &LoadOptions::new(config))
+}
+
+fn main() -> Result<()> {
+    let args = Args::parse();
+    let mut config = Config::preset("paper")?;
+    config.iterations = args.iterations;
+    // All degrees of SH take part.
+    config.model.sh_interval = args.iterations / 4;
+    config.scene.max_size_px = Some(args.max_size);
+    config.scene.max_points = Some(args.max_points);
+    let scene = load(&args, &config)?;
+    eprintln!("candidate grid");
+    let grid = grid::measure(&scene, &config, args.rounds)?;
+    eprintln!("point splat");
+    let splat = splat::measure(&scene, &config, args.rounds)?;
+    eprintln!("kernels, after {} iterations of training", args.iterations);
+    let (kernels, adapter) = kernels::measure(&scene, &config, args.rounds)?;
+    let headline = format!(
+        "{adapter}; {} at {} px, {} Gaussians to start from, {} iterations of training. Times: {}, \
+         the least of {} rounds",
+        scene.name,
+        args.max_size,
+        args.max_points,
+        args.iterations,
+        clock::unit(),
+        args.rounds
+    );
+    output::write(&args.out, &headline, &kernels, &grid, &splat)
+}

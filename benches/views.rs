@@ -1,0 +1,122 @@
+//! Where each strategy puts its virtual views, what they show of the cloud, and what choosing them
+//! takes.
+//!
+//! `cargo bench --bench views -- [--scene DIR|builtin:WIDTH] [--max-size PX] [--set KEY=VALUE]...`
+//!
+//! First the estimate that candidates are chosen by is held against the cloud at full size.
+
+use std::time::Instant;
+
+use clap::Parser;
+use gspotential::camera::Camera;
+use gspotential::config::Config;
+use gspotential::error::Result;
+use gspotential::field::{Field, Focus};
+use gspotential::pipeline::load_scene;
+use gspotential::scene::{LoadOptions, SceneSource};
+use gspotential::views::{VirtualView, candidates, virtual_views};
+use gspotential::visibility::{Support, Visibility, candidate_shares};
+
+/// Every so many candidates are measured in full.
+const STRIDE: usize = 16;
+
+#[derive(Parser)]
+struct Args {
+    #[arg(long, default_value = "builtin")]
+    scene: SceneSource,
+    #[arg(long, default_value_t = 320)]
+    max_size: u32,
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    settings: Vec<String>,
+    /// What cargo passes to every bench
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn main() -> Result<()> {
+    let args = Args::parse();
+    let mut config = Config::preset("paper")?;
+    for setting in &args.settings {
+        config = config.set(setting)?;
+    }
+    config.validate()?;
+    let scene = load_scene(
+        &args.scene.resolved()?.at_most(args.max_size),
+        &LoadOptions {
+            max_size: Some(args.max_size),
+            n_test: 1,
+            ..LoadOptions::new(&config)
+        },
+    )?;
+    let train: Vec<Camera> = scene.train.iter().map(|v| v.camera.clone()).collect();
+    let focus = Focus::find(&train, &scene.cloud)?;
+    let field = Field::new(&train, &focus, &config.field);
+    let frame = focus.frame();
+    let (near, visibility) = (config.model.near, &config.views.visibility);
+    let whole = Visibility::new(&scene.cloud, &scene.cloud, &frame, &train, visibility, near)?;
+    let measure = |views: &[VirtualView]| -> Result<Vec<Support>> {
+        let cameras: Vec<Camera> = views.iter().map(|v| v.camera.clone()).collect();
+        whole.measure(&cameras, &config.splat)
+    };
+
+    let candidates = candidates(&train, &focus, &field, &config)?;
+    let cameras: Vec<Camera> = candidates.iter().map(|v| v.camera.clone()).collect();
+    let start = Instant::now();
+    let shares = candidate_shares(&cameras, &scene.cloud, &frame, &train, &config)?;
+    let n = cameras.len();
+    println!(
+        "{}: {} points, {n} candidates judged in {:.2} s",
+        scene.name,
+        scene.cloud.len(),
+        start.elapsed().as_secs_f64()
+    );
+    let sample: Vec<VirtualView> = candidates.into_iter().step_by(STRIDE).collect();
+    let full = measure(&sample)?;
+    let errors: Vec<f64> = full
+        .iter()
+        .zip(shares.iter().step_by(STRIDE))
+        .map(|(full, share)| share - full.visible_share)
+        .collect();
+    let n = errors.len() as f64;
+    println!(
+        "estimate less full size, {n} candidates: mean {:+.4}, mean absolute {:.4}, greatest {:.4}\n",
+        errors.iter().sum::<f64>() / n,
+        errors.iter().map(|e| e.abs()).sum::<f64>() / n,
+        errors.iter().fold(0.0, |most: f64, e| most.max(e.abs()))
+    );
+
+    println!("| strategy | views | below horizon | > 60 degrees | coverage | visible share | s |");
+    println!("|---|---:|---:|---:|---:|---:|---:|");
+    let up = train.iter().map(Camera::up).sum();
+    for (name, weighed) in [
+        ("potential", false),
+        ("nearest_angle", false),
+        ("sphere_uniform", false),
+        ("sphere_farthest", false),
+        ("interpolation", false),
+        ("potential", true),
+        ("nearest_angle", true),
+        ("sphere_uniform", true),
+        ("sphere_farthest", true),
+    ] {
+        let config = config.set(&format!("views.strategy={name}"))?;
+        let shares = weighed.then_some(shares.as_slice());
+        let start = Instant::now();
+        let views = virtual_views(&train, &focus, &field, shares, &config)?;
+        let seconds = start.elapsed().as_secs_f64();
+        let supports = measure(&views)?;
+        let share = |f: &dyn Fn(usize) -> f64| {
+            100.0 * (0..views.len()).map(f).sum::<f64>() / views.len() as f64
+        };
+        println!(
+            "| {name}{} | {} | {:.0} % | {:.0} % | {:.0} % | {:.0} % | {seconds:.3} |",
+            if weighed { " + visibility" } else { "" },
+            views.len(),
+            share(&|k| f64::from(views[k].direction.dot(up) < 0.0)),
+            share(&|k| f64::from(views[k].u_conf.to_degrees() > 60.0)),
+            share(&|k| supports[k].coverage),
+            share(&|k| supports[k].visible_share),
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,215 @@
+//! Adam: geometry, and SH from the views' colour gradients by way of the basis, which never exist
+//! as a whole on the GPU.
+
+use super::finding::Findings;
+use super::rig::{Context, gaussians_of, view_of, wide};
+use super::stage;
+use crate::config::{Config, OptimizerConfig, PRESETS};
+use crate::error::Result;
+use crate::gaussians::Gaussians;
+use crate::gpu::Commands;
+use crate::reference::adam::TwinAdam;
+use crate::reference::cases::{Random, cameras, random_scene};
+use crate::reference::linalg::{Vec3, normalize, sub};
+use crate::reference::{sh, tolerance};
+use crate::render::{Capacity, Model, Workspace};
+use crate::train::optimizer::{Optimizer, StepUniform};
+use crate::train::schedule::mean_rate;
+
+const N: usize = 130;
+const STEPS: u32 = 8;
+const EXTENT: f64 = 1.75;
+
+/// Optical centres of a step's views.
+pub const CENTERS: [[f32; 3]; 2] = [[1.5, -0.5, 0.25], [-0.75, 0.5, 2.0]];
+
+const CLASSES: [&str; 5] = ["means", "opacity", "scales", "rotations", "SH"];
+
+/// Large rates, so that what is compared is the change and not the start.
+pub fn config() -> Result<Config> {
+    let mut config = Config::preset(PRESETS[0].0)?;
+    config.iterations = 2 * STEPS;
+    config.optimizer = OptimizerConfig {
+        mean_lr_start: 0.02,
+        mean_lr_end: 0.004,
+        sh_lr: 0.5,
+        opacity_lr: 0.3,
+        scale_lr: 0.2,
+        rotation_lr: 0.1,
+        ..config.optimizer
+    };
+    Ok(config)
+}
+
+/// A workspace whose gradients are written by hand.
+pub fn workspace(ctx: &Context, stride: usize) -> Result<Workspace> {
+    let view = view_of(&cameras()[0]);
+    Workspace::new(&ctx.gpu, Capacity::new(stride, 64, &[view]), true)
+}
+
+/// Parameters or moments by class.
+fn numbers(g: &Gaussians) -> [Vec<f64>; 5] {
+    let xyz = |v: &[glam::Vec3]| v.iter().flat_map(|v| v.to_array().map(f64::from)).collect();
+    [
+        xyz(&g.means),
+        wide(&g.opacity_logits),
+        xyz(&g.scales_log),
+        wide(g.rotations_wxyz.as_flattened()),
+        wide(&g.sh),
+    ]
+}
+
+/// What the backward passes of a step leave, drawn at random.
+struct Drawn {
+    stride: usize,
+    geometry: Vec<f32>,
+    color: Vec<f32>,
+}
+
+impl Drawn {
+    fn new(random: &mut Random, stride: usize, n_views: usize) -> Drawn {
+        let mut draw = |len: usize| -> Vec<f32> {
+            (0..len).map(|_| (1e-3 * random.normal()) as f32).collect()
+        };
+        let geometry = draw(12 * stride);
+        let mut color = draw(8 * stride);
+        if n_views == 1 {
+            // What an unused slot holds must not matter.
+            color[4 * stride..].fill(7.0);
+        }
+        Drawn {
+            stride,
+            geometry,
+            color,
+        }
+    }
+
+    /// The gradient by class; SH up to `degree` of the `n_sh` coefficients stored.
+    fn gradients(&self, means: &[f64], n_views: usize, degree: u32, n_sh: usize) -> [Vec<f64>; 5] {
+        let plane =
+            |p: usize, i: usize, c: usize| f64::from(self.geometry[4 * (p * self.stride + i) + c]);
+        let mut gradients: [Vec<f64>; 5] = [const { Vec::new() }; 5];
+        for (i, mean) in means.chunks_exact(3).enumerate() {
+            gradients[0].extend((0..3).map(|c| plane(0, i, c)));
+            gradients[1].push(plane(0, i, 3));
+            gradients[2].extend((0..3).map(|c| plane(1, i, c)));
+            gradients[3].extend((0..4).map(|c| plane(2, i, c)));
+            let mean: Vec3 = [mean[0], mean[1], mean[2]];
+            let mut coefficients = vec![[0.0; 3]; n_sh];
+            for (v, center) in CENTERS[..n_views].iter().enumerate() {
+                let (direction, _) = normalize(&sub(&mean, &center.map(f64::from)));
+                let color = &self.color[4 * (v * self.stride + i)..][..3];
+                let active = (degree as usize + 1).pow(2);
+                for (coefficient, y) in coefficients
+                    .iter_mut()
+                    .zip(sh::basis(direction))
+                    .take(active)
+                {
+                    for (value, color) in coefficient.iter_mut().zip(color) {
+                        *value += y * f64::from(*color);
+                    }
+                }
+            }
+            gradients[4].extend(coefficients.as_flattened());
+        }
+        gradients
+    }
+}
+
+/// The reference's parameters and moments.
+struct Twin {
+    values: [Vec<f64>; 5],
+    moments: [Vec<[f64; 2]>; 5],
+}
+
+impl Twin {
+    fn step(&mut self, config: &Config, iteration: u32, n_sh: usize, gradients: &[Vec<f64>; 5]) {
+        let o = &config.optimizer;
+        let adam = TwinAdam {
+            beta1: o.beta1,
+            beta2: o.beta2,
+            epsilon: o.epsilon,
+        };
+        let mean = mean_rate(o, iteration, config.iterations, EXTENT);
+        let rates = [mean, o.opacity_lr, o.scale_lr, o.rotation_lr];
+        for (class, gradients) in gradients.iter().enumerate() {
+            for (j, &gradient) in gradients.iter().enumerate() {
+                let rate = match class {
+                    4 if (j / 3).is_multiple_of(n_sh) => o.sh_lr,
+                    4 => o.sh_lr / 20.0,
+                    _ => rates[class],
+                };
+                let value = &mut self.values[class][j];
+                let moments = &mut self.moments[class][j];
+                adam.step(value, moments, gradient, rate, iteration as i32 + 1);
+            }
+        }
+    }
+}
+
+/// Steps a model of degree `stored`, the active degree rising to it, over one view or two.
+///
+/// # Errors
+/// A GPU fault, or a case that the adapter cannot hold.
+pub fn examine(ctx: &Context, stored: u32, n_views: usize) -> Result<Findings> {
+    let gpu = &ctx.gpu;
+    let config = config()?;
+    let case = random_scene(N, stored as usize, 80 + u64::from(stored));
+    let start = gaussians_of(&case.gaussians, stored);
+    let n_sh = start.n_sh();
+    let stride = N + 7;
+    let optimizer = Optimizer::new(gpu, Model::upload(gpu, &start, stride)?)?;
+    let space = workspace(ctx, stride)?;
+    let groups = optimizer.bind(gpu, &ctx.optimizer, &space);
+    space.totals.write(gpu, &[0_u32; 4]);
+
+    let initial = numbers(&start);
+    let mut twin = Twin {
+        moments: initial.each_ref().map(|v| vec![[0.0; 2]; v.len()]),
+        values: initial.clone(),
+    };
+    let mut random = Random::new(81 + u64::from(stored));
+    for iteration in 0..STEPS {
+        let degree = (iteration / 2).min(stored);
+        let drawn = Drawn::new(&mut random, stride, n_views);
+        if let Some(backward) = &space.backward {
+            backward.d_geometry.write(gpu, &drawn.geometry);
+            backward.d_color.write(gpu, &drawn.color);
+            backward.screen.write(gpu, &vec![[0.0_f32; 2]; stride]);
+        }
+        let step = StepUniform::new(&config, iteration, EXTENT, &CENTERS[..n_views]);
+        let mut commands = Commands::new(gpu);
+        optimizer.step(gpu, &ctx.optimizer, &groups, &mut commands, (step, degree));
+        commands.submit();
+        let gradients = drawn.gradients(&twin.values[0], n_views, degree, n_sh);
+        twin.step(&config, iteration, n_sh, &gradients);
+    }
+
+    let mut out = Findings::of(format!("degree {stored}, {n_views} views, {STEPS} steps"));
+    let download = |model: &Model| Ok(numbers(&model.download(gpu)?));
+    let ours = download(&optimizer.model)?;
+    let moments = [
+        download(&optimizer.first_moment)?,
+        download(&optimizer.second_moment)?,
+    ];
+    for (class, name) in CLASSES.into_iter().enumerate() {
+        let change = |values: &[f64]| -> Vec<f64> {
+            let pairs = values.iter().zip(&initial[class]);
+            pairs.map(|(a, b)| a - b).collect()
+        };
+        let (ours, theirs) = (change(&ours[class]), change(&twin.values[class]));
+        let bound = tolerance::GPU_ADAM;
+        out.close(
+            (stage::ADAM, &format!("{name}, change")),
+            &ours,
+            &theirs,
+            bound,
+        );
+        for (m, which) in ["first moment", "second moment"].into_iter().enumerate() {
+            let theirs: Vec<f64> = twin.moments[class].iter().map(|v| v[m]).collect();
+            let what = format!("{name}, {which}");
+            out.close((stage::ADAM, &what), &moments[m][class], &theirs, bound);
+        }
+    }
+    Ok(out)
+}

@@ -1,0 +1,106 @@
+//! What the adapter is and can do, beside what the kernels need.
+
+use serde::Serialize;
+
+use crate::gpu::Gpu;
+use crate::gpu::constants::WORKGROUP;
+use crate::render::most_gaussians;
+
+/// Most storage buffers that a kernel binds (`project_backward`), and uniform buffers.
+pub const STORAGE_BUFFERS: u32 = 13;
+pub const UNIFORM_BUFFERS: u32 = 2;
+/// Most bytes that a workgroup shares (`loss_sum`).
+pub const WORKGROUP_BYTES: u32 = 512;
+
+/// The adapter and its limits.
+#[derive(Clone, Debug, Serialize)]
+pub struct Adapter {
+    pub name: String,
+    pub driver: String,
+    pub backend: String,
+    pub kind: String,
+    pub limits: Vec<Limit>,
+    /// Largest buffer that a kernel can bind, and largest buffer, bytes.
+    pub max_binding_bytes: u64,
+    pub max_buffer_bytes: u64,
+    /// Gaussians of SH degree 3, and (tile, Gaussian) pairs of a view, that a binding holds.
+    pub most_gaussians: usize,
+    pub most_pairs: u64,
+    pub timestamps: bool,
+    /// Smallest and largest subgroup; not used.
+    pub subgroups: Option<[u32; 2]>,
+    /// Half floats in shaders; not used.
+    pub half_floats: bool,
+}
+
+/// A limit that a kernel could exceed.
+#[derive(Clone, Debug, Serialize)]
+pub struct Limit {
+    pub name: &'static str,
+    pub adapter: u32,
+    pub needed: u32,
+}
+
+impl Limit {
+    pub fn holds(&self) -> bool {
+        self.adapter >= self.needed
+    }
+}
+
+impl Adapter {
+    pub fn of(gpu: &Gpu) -> Adapter {
+        let (info, limits) = (&gpu.info, &gpu.limits);
+        let limit = |name, adapter, needed| Limit {
+            name,
+            adapter,
+            needed,
+        };
+        let has = |feature| gpu.features.contains(feature);
+        let sizes = [info.subgroup_min_size, info.subgroup_max_size];
+        Adapter {
+            name: info.name.clone(),
+            driver: [info.driver.as_str(), &info.driver_info]
+                .join(" ")
+                .trim()
+                .to_owned(),
+            backend: info.backend.to_string(),
+            kind: format!("{:?}", info.device_type),
+            limits: vec![
+                limit(
+                    "threads a workgroup",
+                    limits
+                        .max_compute_invocations_per_workgroup
+                        .min(limits.max_compute_workgroup_size_x),
+                    WORKGROUP,
+                ),
+                limit(
+                    "workgroup memory, bytes",
+                    limits.max_compute_workgroup_storage_size,
+                    WORKGROUP_BYTES,
+                ),
+                limit(
+                    "storage buffers a kernel",
+                    limits.max_storage_buffers_per_shader_stage,
+                    STORAGE_BUFFERS,
+                ),
+                limit(
+                    "uniform buffers a kernel",
+                    limits.max_uniform_buffers_per_shader_stage,
+                    UNIFORM_BUFFERS,
+                ),
+                limit(
+                    "workgroups a dimension",
+                    limits.max_compute_workgroups_per_dimension,
+                    1,
+                ),
+            ],
+            max_binding_bytes: gpu.max_binding(),
+            max_buffer_bytes: limits.max_buffer_size,
+            most_gaussians: most_gaussians(gpu, 3),
+            most_pairs: gpu.max_binding() / 16,
+            timestamps: has(wgpu::Features::TIMESTAMP_QUERY),
+            subgroups: has(wgpu::Features::SUBGROUP).then_some(sizes),
+            half_floats: has(wgpu::Features::SHADER_F16),
+        }
+    }
+}

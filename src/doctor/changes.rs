@@ -1,0 +1,162 @@
+//! Changes of the set of Gaussians: a densification plan carried out, and the opacity reset.
+
+use glam::Vec3;
+
+use super::finding::Findings;
+use super::rig::{Context, gaussians_of};
+use super::stage;
+use crate::error::Result;
+use crate::gaussians::Gaussians;
+use crate::gpu::Gpu;
+use crate::reference::cases::{Random, random_scene};
+use crate::render::{BLOCK_PLANES, Model, n_blocks};
+use crate::train::optimizer::Optimizer;
+use crate::train::policy::{NEW, Plan};
+
+/// Fills a model with noise.
+fn fill(gpu: &Gpu, model: &Model, seed: u64) {
+    let mut random = Random::new(seed);
+    let blocks = model.blocks.iter().zip(BLOCK_PLANES);
+    for (buffer, planes) in blocks.take(n_blocks(model.sh_degree)) {
+        let values: Vec<f32> = (0..4 * planes * model.stride)
+            .map(|_| random.normal() as f32)
+            .collect();
+        buffer.write(gpu, &values);
+    }
+}
+
+/// A plan of `len` Gaussians out of `n`, two fifths of them new.
+pub fn random_plan(n: usize, len: usize, seed: u64) -> Plan {
+    let mut random = Random::new(seed);
+    let mut plan = Plan::default();
+    for _ in 0..len {
+        let new = random.uniform(0.0, 1.0) < 0.4;
+        let source = random.uniform(0.0, n as f64) as u32;
+        plan.sources.push(if new { source | NEW } else { source });
+        let change = [(); 4].map(|()| random.normal() as f32);
+        plan.changes.push(if new { change } else { [0.0; 4] });
+    }
+    plan
+}
+
+/// The set that a plan makes of `old`; moments of new Gaussians are 0.
+fn carried_out(old: &Gaussians, plan: &Plan, moments: bool) -> Gaussians {
+    let n_sh = 3 * old.n_sh();
+    let mut new = Gaussians {
+        sh_degree: old.sh_degree,
+        ..Gaussians::default()
+    };
+    for (source, change) in plan.sources.iter().zip(&plan.changes) {
+        let i = (source & !NEW) as usize;
+        let factor = if moments && source & NEW != 0 {
+            0.0
+        } else {
+            1.0
+        };
+        let [x, y, z, grow] = if moments { [0.0; 4] } else { *change };
+        new.means.push(old.means[i] * factor + Vec3::new(x, y, z));
+        new.scales_log
+            .push(old.scales_log[i] * factor + Vec3::splat(grow));
+        new.opacity_logits.push(old.opacity_logits[i] * factor);
+        let rotation = old.rotations_wxyz[i].map(|q| q * factor);
+        new.rotations_wxyz.push(rotation);
+        let sh = &old.sh[i * n_sh..][..n_sh];
+        new.sh.extend(sh.iter().map(|s| s * factor));
+    }
+    new
+}
+
+/// `n` Gaussians in room for `stride`, and moments of noise.
+pub fn optimizer(ctx: &Context, n: usize, stride: usize, degree: u32) -> Result<Optimizer> {
+    let gpu = &ctx.gpu;
+    let start = gaussians_of(&random_scene(n, degree as usize, 95).gaussians, degree);
+    let optimizer = Optimizer::new(gpu, Model::upload(gpu, &start, stride)?)?;
+    fill(gpu, &optimizer.first_moment, 1);
+    fill(gpu, &optimizer.second_moment, 2);
+    Ok(optimizer)
+}
+
+fn download(ctx: &Context, optimizer: &Optimizer) -> Result<[Gaussians; 3]> {
+    let download = |model: &Model| model.download(&ctx.gpu);
+    Ok([
+        download(&optimizer.model)?,
+        download(&optimizer.first_moment)?,
+        download(&optimizer.second_moment)?,
+    ])
+}
+
+/// Number of floats whose bits differ.
+fn n_different(a: &Gaussians, b: &Gaussians) -> usize {
+    let bits = |g: &Gaussians| -> Vec<u32> {
+        let xyz = |v: &[Vec3]| v.iter().flat_map(Vec3::to_array).collect::<Vec<f32>>();
+        let classes = [
+            xyz(&g.means),
+            xyz(&g.scales_log),
+            g.opacity_logits.clone(),
+            g.rotations_wxyz.as_flattened().to_vec(),
+            g.sh.clone(),
+        ];
+        // Zeros of either sign are one number.
+        classes
+            .iter()
+            .flatten()
+            .map(|x| (x + 0.0).to_bits())
+            .collect()
+    };
+    let (a, b) = (bits(a), bits(b));
+    a.len().abs_diff(b.len()) + a.iter().zip(&b).filter(|(a, b)| a != b).count()
+}
+
+/// Carries `plan` out on `n` Gaussians: to the bit, as the changes are one addition each.
+///
+/// # Errors
+/// A GPU fault, or a case that the adapter cannot hold.
+pub fn examine_rearrange(
+    ctx: &Context,
+    plan: &Plan,
+    (n, stride): (usize, usize),
+    degree: u32,
+) -> Result<Findings> {
+    let len = plan.sources.len();
+    let mut out = Findings::of(format!("{n} to {len} Gaussians of degree {degree}"));
+    let mut optimizer = optimizer(ctx, n, stride, degree)?;
+    let old = download(ctx, &optimizer)?;
+    optimizer.rearrange(&ctx.gpu, &ctx.optimizer, plan)?;
+    let new = download(ctx, &optimizer)?;
+    for (which, what) in ["parameters", "first moments", "second moments"]
+        .into_iter()
+        .enumerate()
+    {
+        let expected = carried_out(&old[which], plan, which > 0);
+        let n_wrong = n_different(&new[which], &expected);
+        out.none((stage::REARRANGE, what), n_wrong);
+    }
+    let statistics = optimizer.gather(&ctx.gpu)?.statistics;
+    let expected = vec![[0.0; 3]; len];
+    out.equal((stage::REARRANGE, "statistics"), &statistics, &expected);
+    Ok(out)
+}
+
+/// Resets the opacities of `n` Gaussians: they fall to the ceiling and their moments to zero.
+///
+/// # Errors
+/// A GPU fault, or a case that the adapter cannot hold.
+pub fn examine_reset(ctx: &Context, n: usize) -> Result<Findings> {
+    let mut out = Findings::of(format!("{n} Gaussians"));
+    let optimizer = optimizer(ctx, n, n + 5, 1)?;
+    let mut expected = download(ctx, &optimizer)?;
+    optimizer.reset_opacity(&ctx.gpu, &ctx.optimizer, 0.3);
+    let ceiling = (0.3_f64 / 0.7).ln() as f32;
+    for logit in &mut expected[0].opacity_logits {
+        *logit = logit.min(ceiling);
+    }
+    expected[1].opacity_logits.fill(0.0);
+    expected[2].opacity_logits.fill(0.0);
+    let after = download(ctx, &optimizer)?;
+    let differ = after.iter().zip(&expected).map(|(a, b)| n_different(a, b));
+    out.none(
+        (stage::RESET_OPACITY, "parameters and moments"),
+        differ.sum(),
+    );
+    Ok(out)
+}

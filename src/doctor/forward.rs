@@ -1,0 +1,287 @@
+//! The stages of the forward pass up to the sorted tile lists, each on what the one before left.
+
+use super::finding::Findings;
+use super::rig::{Context, Rig};
+use super::stage;
+use crate::error::Result;
+use crate::gpu::Commands;
+use crate::gpu::constants::{RIM, TILE_H, TILE_W, TOTAL_PAIRS};
+use crate::reference::bin::{TileGrid, tile_lists};
+use crate::reference::model::{TwinCamera, TwinSplat};
+use crate::reference::raster::ALPHA_MIN;
+use crate::reference::tolerance;
+use crate::render::Pass;
+
+/// A projected Gaussian as the GPU stores it: `u, v, depth, A, B, C, r, g, b, opacity`.
+type Row = [f64; 10];
+
+const COLUMNS: [&str; 10] = ["u", "v", "depth", "A", "B", "C", "r", "g", "b", "opacity"];
+
+/// How long the tile lists are.
+#[derive(Clone, Copy, Debug)]
+pub struct ListLengths {
+    /// Pairs that some pixel needs.
+    pub needed: usize,
+    pub listed: usize,
+    /// Pairs that the splats' bounding boxes would make.
+    pub boxes: usize,
+}
+
+/// Runs the stages up to the tile ranges one by one on a poisoned workspace and holds each
+/// against the reference's splats. The pairs must fit.
+pub fn examine(
+    ctx: &Context,
+    rig: &Rig,
+    camera: &TwinCamera,
+    twin: &[TwinSplat],
+    projection_bound: f64,
+    out: &mut Findings,
+) -> Result<ListLengths> {
+    let run = |record: fn(&Pass<'_>, &mut Commands<'_>)| {
+        let mut commands = Commands::new(&ctx.gpu);
+        record(&rig.pass(ctx), &mut commands);
+        commands.submit();
+    };
+    rig.start(ctx);
+    run(|pass, commands| pass.project(commands));
+    let splats = read_splats(ctx, rig)?;
+    hold_splats(&splats, twin, projection_bound, out);
+
+    let n = rig.model.n;
+    run(|pass, commands| pass.depth_keys(commands));
+    let keys: Vec<[u32; 2]> = rig.read(ctx, "depth_order", n)?;
+    hold_keys(&keys, &splats, out);
+    run(|pass, commands| pass.sort_by_depth(commands));
+    let order: Vec<[u32; 2]> = rig.read(ctx, "depth_order", n)?;
+    out.equal((stage::RADIX_SORT, "by depth"), &order, &sorted(&keys));
+
+    run(|pass, commands| pass.count_pairs(commands));
+    let counts: Vec<u32> = rig.read(ctx, "splat_pairs", n)?;
+    run(|pass, commands| pass.scan_pairs(commands));
+    let firsts: Vec<u32> = rig.read(ctx, "splat_pairs", n)?;
+    let totals: Vec<u32> = rig.read(ctx, "totals", 4)?;
+    let total = totals[TOTAL_PAIRS as usize];
+    let mut sums = exclusive_sums(&counts);
+    out.equal((stage::SCAN, "total"), &[total], &[sums.pop().unwrap_or(0)]);
+    out.equal((stage::SCAN, "first pairs"), &firsts, &sums);
+
+    run(|pass, commands| pass.emit_pairs(commands));
+    // A count that is wrong may be any number.
+    let n_pairs = (total as usize).min(rig.workspace.capacity.pairs);
+    let pairs: Vec<[u32; 2]> = rig.read(ctx, "pairs", n_pairs)?;
+    let grid = TileGrid {
+        width: camera.width,
+        height: camera.height,
+        tile_width: TILE_W as usize,
+        tile_height: TILE_H as usize,
+    };
+    let emitted = Emitted {
+        pairs: &pairs,
+        pair_gaussian: rig.read(ctx, "pair_gaussian", n_pairs)?,
+        gaussian_pairs: rig.read(ctx, "gaussian_pairs", n)?,
+    };
+    let lengths = hold_pairs(&emitted, &order, &counts, twin, &grid, out);
+
+    run(|pass, commands| pass.sort_by_tile(commands));
+    let tile_pairs: Vec<[u32; 2]> = rig.read(ctx, "tile_pairs", n_pairs)?;
+    let expected = sorted(&pairs);
+    out.equal((stage::RADIX_SORT, "by tile"), &tile_pairs, &expected);
+    run(|pass, commands| pass.find_tile_ranges(commands));
+    let ranges: Vec<[u32; 2]> = rig.read(ctx, "tile_ranges", grid.n_tiles())?;
+    let expected = ranges_of(&expected, grid.n_tiles());
+    out.equal((stage::TILE_RANGES, "ranges"), &ranges, &expected);
+    Ok(lengths)
+}
+
+/// `None` where a Gaussian is not drawn. The conic is stored as its Cholesky factor scaled by
+/// `sqrt(log2(e) / 2)`.
+fn read_splats(ctx: &Context, rig: &Rig) -> Result<Vec<Option<Row>>> {
+    let stride = rig.model.stride;
+    let planes: Vec<[f32; 4]> = rig.read(ctx, "splats", 3 * stride)?;
+    let two_ln_2 = 2.0 * std::f64::consts::LN_2;
+    let row = |i: usize| {
+        let [u, v, l_xx, l_xy] = planes[i].map(f64::from);
+        let [l_yy, opacity, depth, reach] = planes[stride + i].map(f64::from);
+        let [r, g, b, _] = planes[2 * stride + i].map(f64::from);
+        (reach > 0.0).then_some([
+            u,
+            v,
+            depth,
+            two_ln_2 * l_xx * l_xx,
+            two_ln_2 * l_xx * l_xy,
+            two_ln_2 * (l_xy * l_xy + l_yy * l_yy),
+            r,
+            g,
+            b,
+            opacity,
+        ])
+    };
+    Ok((0..rig.model.n).map(row).collect())
+}
+
+fn hold_splats(splats: &[Option<Row>], twin: &[TwinSplat], bound: f64, out: &mut Findings) {
+    let is_visible = |s: &TwinSplat| s.valid && s.opacity > ALPHA_MIN;
+    let visible: Vec<bool> = twin.iter().map(is_visible).collect();
+    let drawn: Vec<bool> = splats.iter().map(Option::is_some).collect();
+    out.equal((stage::PROJECT, "which are drawn"), &drawn, &visible);
+    let (mut ours, mut theirs): (Vec<Row>, Vec<Row>) = (Vec::new(), Vec::new());
+    for (row, s) in splats.iter().zip(twin) {
+        if let (Some(row), true) = (row, is_visible(s)) {
+            let ([u, v], [a, b, c], [red, green, blue]) = (s.mean2d, s.conic, s.rgb);
+            ours.push(*row);
+            theirs.push([u, v, s.depth, a, b, c, red, green, blue, s.opacity]);
+        }
+    }
+    for (c, column) in COLUMNS.into_iter().enumerate() {
+        let pick = |rows: &[Row]| rows.iter().map(|r| r[c]).collect::<Vec<_>>();
+        out.close(
+            (stage::PROJECT, column),
+            &pick(&ours),
+            &pick(&theirs),
+            bound,
+        );
+    }
+}
+
+/// Keys of 30 bits order as the depths do, those of splats that are not drawn come last.
+fn hold_keys(keys: &[[u32; 2]], splats: &[Option<Row>], out: &mut Findings) {
+    let depth = |i: usize| splats[i].map_or(f64::INFINITY, |s| s[2]);
+    let mut order: Vec<usize> = (0..keys.len()).collect();
+    order.sort_by(|&a, &b| depth(a).total_cmp(&depth(b)));
+    let disordered = order.windows(2).filter(|pair| {
+        let (a, b) = (pair[0], pair[1]);
+        keys[a][0].cmp(&keys[b][0]) != depth(a).total_cmp(&depth(b))
+    });
+    let n_wrong = disordered.count() + keys.iter().filter(|k| k[0] >= 1 << 30).count();
+    out.none((stage::DEPTH_KEYS, "order"), n_wrong);
+    let ids: Vec<u32> = keys.iter().map(|k| k[1]).collect();
+    let expected: Vec<u32> = (0..keys.len() as u32).collect();
+    out.equal((stage::DEPTH_KEYS, "Gaussians"), &ids, &expected);
+}
+
+/// By key, equal keys as they were.
+fn sorted(entries: &[[u32; 2]]) -> Vec<[u32; 2]> {
+    let mut sorted = entries.to_vec();
+    sorted.sort_by_key(|entry| entry[0]);
+    sorted
+}
+
+/// Sums of all counts before each, and of all.
+fn exclusive_sums(counts: &[u32]) -> Vec<u32> {
+    let mut sum = 0;
+    let mut sums = vec![0];
+    sums.extend(counts.iter().map(|count| {
+        sum = count.wrapping_add(sum);
+        sum
+    }));
+    sums
+}
+
+/// First and one past the last entry of each tile.
+fn ranges_of(tile_pairs: &[[u32; 2]], n_tiles: usize) -> Vec<[u32; 2]> {
+    let mut ranges = vec![[0; 2]; n_tiles];
+    for (i, [tile, _]) in tile_pairs.iter().enumerate() {
+        if let Some(range) = ranges.get_mut(*tile as usize) {
+            if range[1] == 0 {
+                range[0] = i as u32;
+            }
+            range[1] = i as u32 + 1;
+        }
+    }
+    ranges
+}
+
+/// The pairs before they are sorted by tile.
+struct Emitted<'a> {
+    /// (tile, pair).
+    pairs: &'a [[u32; 2]],
+    pair_gaussian: Vec<u32>,
+    gaussian_pairs: Vec<[u32; 2]>,
+}
+
+/// Pairs are numbered splat by splat in depth order, as many as were counted, each splat's tiles
+/// ascending; every tile that a pixel needs is there, and none off the splat's bounding box.
+fn hold_pairs(
+    emitted: &Emitted<'_>,
+    order: &[[u32; 2]],
+    counts: &[u32],
+    twin: &[TwinSplat],
+    grid: &TileGrid,
+    out: &mut Findings,
+) -> ListLengths {
+    let (mut n_misplaced, mut n_lacking, mut n_far) = (0, 0, 0);
+    // A tile list is by depth, but single precision may tell close depths apart otherwise: only
+    // what a tile holds is compared.
+    let mut needed = vec![Vec::new(); twin.len()];
+    let lists = tile_lists(twin, grid, ALPHA_MIN * (1.0 + tolerance::FRAGILE));
+    for (tile, list) in lists.iter().enumerate() {
+        list.iter().for_each(|&id| needed[id].push(tile));
+    }
+    let mut lengths = ListLengths {
+        needed: needed.iter().map(Vec::len).sum(),
+        listed: emitted.pairs.len(),
+        boxes: 0,
+    };
+    let mut first = 0_u32;
+    for (&[_, id], &count) in order.iter().zip(counts) {
+        let end = first.wrapping_add(count);
+        let id = id as usize;
+        let Some(splat) = twin.get(id) else {
+            n_misplaced += 1;
+            continue;
+        };
+        let end_at = (end as usize).min(emitted.pairs.len());
+        let range = (first as usize).min(end_at)..end_at;
+        let own = &emitted.pairs[range.clone()];
+        n_misplaced += usize::from(emitted.gaussian_pairs[id] != [first, end]);
+        n_misplaced += (count as usize).abs_diff(own.len());
+        n_misplaced += own.iter().zip(first..).filter(|(p, i)| p[1] != *i).count();
+        n_misplaced += own.windows(2).filter(|p| p[0][0] >= p[1][0]).count();
+        let of_others = emitted.pair_gaussian[range].iter();
+        n_misplaced += of_others.filter(|other| **other as usize != id).count();
+        let tiles: Vec<usize> = own.iter().map(|p| p[0] as usize).collect();
+        n_lacking += needed[id].iter().filter(|t| !tiles.contains(t)).count();
+        n_far += tiles
+            .iter()
+            .filter(|t| !box_meets(splat, grid, **t))
+            .count();
+        if !own.is_empty() {
+            lengths.boxes += box_tiles(splat, grid);
+        }
+        first = end;
+    }
+    out.none((stage::BIN, "pairs misplaced"), n_misplaced);
+    out.none((stage::BIN, "tiles lacking"), n_lacking);
+    out.none((stage::BIN, "tiles out of reach"), n_far);
+    lengths
+}
+
+/// First and last tile, across and down, that meet the box around the ellipse on which alpha is
+/// 1/255, a little more than the rim by which lists may reach further.
+fn box_of(splat: &TwinSplat, grid: &TileGrid) -> [[i64; 2]; 2] {
+    let q = 2.0 * (splat.opacity / ALPHA_MIN).ln().max(0.0);
+    let size = [grid.tile_width, grid.tile_height];
+    let image = [grid.width, grid.height];
+    let variance = [splat.cov2d[0], splat.cov2d[2]];
+    std::array::from_fn(|axis| {
+        let reach = (q * variance[axis]).sqrt() * 1.001 + 10.0 * RIM;
+        let first = (splat.mean2d[axis] - reach - 0.5).ceil().max(0.0);
+        let last = (splat.mean2d[axis] + reach - 0.5).floor();
+        let last = last.min(image[axis] as f64 - 1.0);
+        [first, last].map(|pixel| (pixel / size[axis] as f64).floor() as i64)
+    })
+}
+
+fn box_meets(splat: &TwinSplat, grid: &TileGrid, tile: usize) -> bool {
+    if tile >= grid.n_tiles() {
+        return false;
+    }
+    let at = [tile % grid.columns(), tile / grid.columns()];
+    let bounds = box_of(splat, grid);
+    (0..2).all(|axis| (bounds[axis][0]..=bounds[axis][1]).contains(&(at[axis] as i64)))
+}
+
+fn box_tiles(splat: &TwinSplat, grid: &TileGrid) -> usize {
+    let sides = box_of(splat, grid).map(|[first, last]| (last - first + 1).max(0) as usize);
+    sides[0] * sides[1]
+}

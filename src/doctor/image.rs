@@ -1,0 +1,207 @@
+//! Rasterization and its gradient, end to end from the stored parameters.
+
+use super::finding::Findings;
+use super::rig::{Context, Rig, ViewGradients, wide};
+use super::stage;
+use crate::error::Result;
+use crate::gpu::Commands;
+use crate::reference::linalg::{normalize, sub};
+use crate::reference::model::{SplatGradient, TwinCamera, TwinGaussians, TwinSplat};
+use crate::reference::{sh, tolerance};
+use crate::render::Rendered;
+
+/// What a view is held against.
+pub struct Truth<'a> {
+    pub rgb: &'a [f64],
+    pub alpha: &'a [f64],
+    pub fragile: &'a [bool],
+    pub d_rgb: &'a [f64],
+    pub d_alpha: &'a [f64],
+    pub classes: [(&'static str, Vec<f64>); 5],
+}
+
+/// Holds an image off fragile pixels to `bound`, and everywhere to what one decision can change.
+pub fn hold_image(image: &Rendered, truth: &Truth<'_>, bound: f64, out: &mut Findings) {
+    let nowhere = vec![false; truth.fragile.len()];
+    for (what, ours, theirs) in [
+        ("rgb", wide(&image.rgb), truth.rgb),
+        ("alpha", wide(&image.alpha), truth.alpha),
+    ] {
+        out.image(
+            (stage::RASTERIZE, what),
+            &ours,
+            theirs,
+            truth.fragile,
+            bound,
+        );
+        let what = format!("{what} at fragile pixels");
+        let fragile_bound = tolerance::GPU_IMAGE_FRAGILE;
+        out.image(
+            (stage::RASTERIZE, &what),
+            &ours,
+            theirs,
+            &nowhere,
+            fragile_bound,
+        );
+    }
+}
+
+/// Holds the gradient of every class of parameters.
+pub fn hold_gradients(
+    ours: &ViewGradients,
+    gaussians: &TwinGaussians,
+    camera: &TwinCamera,
+    truth: &Truth<'_>,
+    bound: f64,
+    out: &mut Findings,
+) {
+    let expanded = expand_sh(&ours.color, gaussians, camera);
+    let classes = [
+        &ours.means,
+        &expanded,
+        &ours.opacity_logit,
+        &ours.scale_log,
+        &ours.rotation_wxyz,
+    ];
+    for ((class, theirs), ours) in truth.classes.iter().zip(classes) {
+        out.close((stage::PROJECT_BACKWARD, class), ours, theirs, bound);
+    }
+}
+
+/// The SH gradient, which the GPU never stores: a coefficient's basis function times the colour's
+/// gradient.
+fn expand_sh(color: &[[f64; 3]], gaussians: &TwinGaussians, camera: &TwinCamera) -> Vec<f64> {
+    let center = camera.center();
+    let n_sh = (gaussians.sh_degree + 1).pow(2);
+    let of_gaussian = |(color, mean): (&[f64; 3], &[f64; 3])| {
+        let (direction, _) = normalize(&sub(mean, &center));
+        let y = sh::basis(direction);
+        let color = *color;
+        (0..16).flat_map(move |k| color.map(|c| if k < n_sh && c != 0.0 { y[k] * c } else { 0.0 }))
+    };
+    let pairs = color.iter().zip(&gaussians.means);
+    pairs.flat_map(of_gaussian).collect()
+}
+
+/// Carries `truth`'s weights back stage by stage after a forward pass. `twin` are the
+/// reference's splats and `splat_gradients` theirs.
+pub fn examine_backward(
+    ctx: &Context,
+    rig: &Rig,
+    (twin, splat_gradients): (&[TwinSplat], &[SplatGradient]),
+    truth: &Truth<'_>,
+    bound: f64,
+    out: &mut Findings,
+) -> Result<ViewGradients> {
+    rig.write_image(ctx, "d_rendered", truth.d_rgb, truth.d_alpha, 0.0);
+    let mut commands = Commands::new(&ctx.gpu);
+    rig.pass(ctx).rasterize_backward(&mut commands);
+    commands.submit();
+    let ranges: Vec<[u32; 2]> = rig.read(ctx, "gaussian_pairs", rig.model.n)?;
+    let sums = pair_sums(ctx, rig, &ranges)?;
+    let expected: Vec<SplatGradient> = twin
+        .iter()
+        .zip(splat_gradients)
+        .map(|(splat, d)| moments_of(splat, d))
+        .collect();
+    for (what, columns) in [
+        ("exponent", 0..1),
+        ("first moments", 1..3),
+        ("second moments", 3..6),
+        ("colour", 6..9),
+    ] {
+        let pick = |rows: &[SplatGradient]| -> Vec<f64> {
+            let of_row = |row: &SplatGradient| row[columns.clone()].to_vec();
+            rows.iter().flat_map(of_row).collect()
+        };
+        let at = (stage::RASTERIZE_BACKWARD, what);
+        out.close(at, &pick(&sums), &pick(&expected), bound);
+    }
+
+    let mut commands = Commands::new(&ctx.gpu);
+    rig.pass(ctx).project_backward(&mut commands);
+    commands.submit();
+    hold_screen(ctx, rig, &ranges, (twin, splat_gradients), bound, out)?;
+    rig.gradients(ctx)
+}
+
+/// Each Gaussian's sum over its pairs: `v, v t_x, v t_y, v t_x^2, v t_x t_y, v t_y^2, d_rgb`.
+fn pair_sums(ctx: &Context, rig: &Rig, ranges: &[[u32; 2]]) -> Result<Vec<SplatGradient>> {
+    let room = rig.workspace.capacity.pairs;
+    let n_pairs = ranges.iter().map(|r| r[1] as usize).max().unwrap_or(0);
+    let n_pairs = n_pairs.min(room);
+    let a: Vec<[f32; 4]> = rig.read(ctx, "d_pair_a", n_pairs)?;
+    let b: Vec<[f32; 4]> = rig.read(ctx, "d_pair_b", n_pairs)?;
+    let c: Vec<f32> = rig.read(ctx, "d_pair_c", n_pairs)?;
+    let sum = |range: &[u32; 2]| {
+        let mut sum = [0.0; 9];
+        for pair in range[0] as usize..(range[1] as usize).min(n_pairs) {
+            let of_pair = a[pair].iter().chain(&b[pair]).chain([&c[pair]]);
+            sum.iter_mut()
+                .zip(of_pair)
+                .for_each(|(s, x)| *s += f64::from(*x));
+        }
+        sum
+    };
+    Ok(ranges.iter().map(sum).collect())
+}
+
+/// The reference's gradient to a splat in the terms of [`pair_sums`]: `v` is the gradient of the
+/// exponent and `t = (l_xx dx + l_xy dy, l_yy dy)` with `|t|^2 ln 2 = q / 2`.
+fn moments_of(splat: &TwinSplat, d: &SplatGradient) -> SplatGradient {
+    if !splat.valid {
+        return [0.0; 9];
+    }
+    let [du, dv, d_a, d_b, d_c, r, g, b, d_opacity] = *d;
+    let [conic_a, conic_b, _] = splat.conic;
+    let [xx, xy, yy] = splat.cov2d;
+    let two_ln_2 = 2.0 * std::f64::consts::LN_2;
+    let l_xx = (conic_a / two_ln_2).sqrt();
+    let l_xy = conic_b / (two_ln_2 * l_xx);
+    let l_yy = 1.0 / (two_ln_2 * yy).sqrt();
+    // Sums of v dx, v dy: d(u, v) = conic (sum v dx, sum v dy).
+    let (x, y) = (xx * du + xy * dv, xy * du + yy * dv);
+    let (s_xx, s_xy, s_yy) = (-2.0 * d_a, -d_b, -2.0 * d_c);
+    [
+        splat.opacity * d_opacity,
+        l_xx * x + l_xy * y,
+        l_yy * y,
+        l_xx * l_xx * s_xx + 2.0 * l_xx * l_xy * s_xy + l_xy * l_xy * s_yy,
+        l_yy * (l_xx * s_xy + l_xy * s_yy),
+        l_yy * l_yy * s_yy,
+        r,
+        g,
+        b,
+    ]
+}
+
+/// What densification looks at: the gradient of the mean on screen and the radius there.
+fn hold_screen(
+    ctx: &Context,
+    rig: &Rig,
+    ranges: &[[u32; 2]],
+    (twin, splat_gradients): (&[TwinSplat], &[SplatGradient]),
+    bound: f64,
+    out: &mut Findings,
+) -> Result<()> {
+    let screen: Vec<[f32; 2]> = rig.read(ctx, "screen", rig.model.n)?;
+    let [width, height] = [rig.view.size[0], rig.view.size[1]].map(f64::from);
+    let expected = ranges.iter().zip(twin.iter().zip(splat_gradients));
+    let expected: Vec<[f64; 2]> = expected
+        .map(|(range, (splat, d))| {
+            if range[0] == range[1] {
+                return [0.0; 2];
+            }
+            let gradient = (0.5 * width * d[0]).hypot(0.5 * height * d[1]);
+            let [xx, xy, yy] = splat.cov2d;
+            let largest = 0.5 * (xx + yy + (xx - yy).hypot(2.0 * xy));
+            [gradient, 3.0 * largest.sqrt() / width.max(height)]
+        })
+        .collect();
+    for (column, what) in ["screen gradient", "screen radius"].into_iter().enumerate() {
+        let ours: Vec<f64> = screen.iter().map(|s| f64::from(s[column])).collect();
+        let theirs: Vec<f64> = expected.iter().map(|s| s[column]).collect();
+        out.close((stage::PROJECT_BACKWARD, what), &ours, &theirs, bound);
+    }
+    Ok(())
+}

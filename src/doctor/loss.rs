@@ -1,0 +1,205 @@
+//! The image losses and their gradient.
+
+use glam::{DMat3, DVec3, Vec3};
+
+use super::finding::Findings;
+use super::rig::{Context, Rig, wide};
+use super::stage;
+use crate::camera::Camera;
+use crate::error::Result;
+use crate::gaussians::Gaussians;
+use crate::reference::cases::Random;
+use crate::reference::loss::loss;
+use crate::reference::tolerance;
+use crate::render::{LossUniform, ViewUniform};
+
+/// Share of SSIM in the loss.
+pub const SSIM_WEIGHT: f64 = 0.2;
+
+/// What the images look like.
+#[derive(Clone, Copy, Debug)]
+pub enum Kind {
+    Noise,
+    /// Flat but for the last bits of 8: SSIM's variances nearly vanish.
+    Flat,
+    /// The render is exactly the goal.
+    Equal,
+    Black,
+}
+
+/// Which pixels count.
+#[derive(Clone, Copy, Debug)]
+pub enum MaskKind {
+    Half,
+    OnePixel,
+    Hole,
+    Full,
+    Empty,
+}
+
+impl MaskKind {
+    pub const ALL: [MaskKind; 5] = [
+        MaskKind::Half,
+        MaskKind::OnePixel,
+        MaskKind::Hole,
+        MaskKind::Full,
+        MaskKind::Empty,
+    ];
+
+    fn name(self) -> &'static str {
+        match self {
+            MaskKind::Half => "half",
+            MaskKind::OnePixel => "one pixel",
+            MaskKind::Hole => "hole",
+            MaskKind::Full => "full",
+            MaskKind::Empty => "empty",
+        }
+    }
+
+    fn of(self, width: usize, height: usize) -> Vec<bool> {
+        let n = width * height;
+        let mut random = Random::new(n as u64);
+        let keep = |pixel: usize| {
+            let (x, y) = (pixel % width, pixel / width);
+            match self {
+                MaskKind::Half => random.uniform(0.0, 1.0) < 0.5,
+                MaskKind::OnePixel => pixel == n / 2,
+                MaskKind::Hole => !(x > width / 4 && y > height / 4 && x < width / 2),
+                MaskKind::Full => true,
+                MaskKind::Empty => false,
+            }
+        };
+        (0..n).map(keep).collect()
+    }
+}
+
+/// A render and what it should be.
+pub struct LossCase {
+    pub size: (usize, usize),
+    pub kind: Kind,
+    pub mask: Option<MaskKind>,
+}
+
+/// `height * width * 3` bytes of the goal and values of the render.
+fn images(kind: Kind, (width, height): (usize, usize)) -> (Vec<u8>, Vec<f64>) {
+    let mut random = Random::new(width as u64 * 1000 + height as u64);
+    let mut value = |i: usize| match kind {
+        Kind::Noise => (random.uniform(0.0, 256.0), random.uniform(-0.2, 1.2)),
+        Kind::Flat => (
+            200.0 + random.uniform(0.0, 2.0),
+            0.79 + 1e-3 * random.uniform(-1.0, 1.0),
+        ),
+        Kind::Equal => {
+            let byte = (i % 256) as f64;
+            (byte, byte / 255.0)
+        }
+        Kind::Black => (0.0, 0.0),
+    };
+    let of_value = |i: usize| {
+        let (byte, render) = value(i);
+        (byte as u8, f64::from(render as f32))
+    };
+    (0..3 * width * height).map(of_value).unzip()
+}
+
+/// A rig for images of this size; what it would render does not matter.
+pub fn rig(ctx: &Context, (width, height): (usize, usize)) -> Result<Rig> {
+    let camera = Camera {
+        name: "any".into(),
+        width: width as u32,
+        height: height as u32,
+        fx: 10.0,
+        fy: 10.0,
+        cx: 0.5 * width as f64,
+        cy: 0.5 * height as f64,
+        rotation: DMat3::IDENTITY,
+        translation: DVec3::ZERO,
+    };
+    let gaussians = Gaussians {
+        means: vec![Vec3::Z],
+        scales_log: vec![Vec3::splat(-3.0)],
+        rotations_wxyz: vec![[1.0, 0.0, 0.0, 0.0]],
+        opacity_logits: vec![0.0],
+        sh: vec![0.0; 3],
+        sh_degree: 0,
+    };
+    Rig::new(
+        ctx,
+        &gaussians,
+        ViewUniform::new(&camera, 0.01, [0.0; 3]),
+        0,
+    )
+}
+
+/// Holds the losses and their gradient of one pair of images; what lies in the padding must not
+/// matter, nor get a gradient.
+///
+/// # Errors
+/// A GPU fault, or a case that the adapter cannot hold.
+pub fn examine(ctx: &Context, case: &LossCase) -> Result<Findings> {
+    let LossCase { size, kind, mask } = *case;
+    let (width, height) = size;
+    let n = width * height;
+    let (stage, mask_name) = match mask {
+        Some(mask) => (stage::MASKED_LOSS, format!(", {} mask", mask.name())),
+        None => (stage::LOSS, String::new()),
+    };
+    let kind_name = format!("{kind:?}").to_lowercase();
+    let mut out = Findings::of(format!("{kind_name}{mask_name} {width}x{height}"));
+    let (goal, render) = images(kind, size);
+    let mask = mask.map(|mask| mask.of(width, height));
+    let n_valid = mask
+        .as_ref()
+        .map_or(n, |m| m.iter().filter(|v| **v).count());
+
+    let rig = rig(ctx, size)?;
+    rig.poison(ctx);
+    rig.write_image(ctx, "rendered", &render, &vec![0.5; n], 7.0);
+    let uniform = LossUniform::new(1.0, SSIM_WEIGHT, n_valid, mask.is_some());
+    let [l1, ssim] = rig.loss(ctx, uniform, &texels(&goal, mask.as_deref()))?;
+    let ours = rig.read_rgb(ctx, "d_rendered")?;
+    let padded = wide(&rig.read::<f32>(ctx, "d_rendered", 12 * rig.view.plane_len())?);
+    let n_not_zero = |v: &[f64]| v.iter().filter(|x| **x != 0.0).count();
+    let n_in_padding = n_not_zero(&padded).abs_diff(n_not_zero(&ours));
+    out.none((stage, "gradients in the padding"), n_in_padding);
+    if n_valid == 0 {
+        out.equal((stage, "losses of nothing"), &[l1, ssim], &[0.0, 0.0]);
+        out.none((stage, "gradients of nothing"), n_not_zero(&ours));
+        return Ok(out);
+    }
+
+    let target: Vec<f64> = goal.iter().map(|b| f64::from(*b) / 255.0).collect();
+    let twin = loss(
+        &render,
+        &target,
+        mask.as_deref(),
+        width,
+        height,
+        SSIM_WEIGHT,
+    );
+    let bound = match kind {
+        Kind::Noise if n_valid > 1 => tolerance::GPU_LOSS,
+        _ => tolerance::GPU_LOSS_FLAT,
+    };
+    out.add((stage, "L1"), (l1 - twin.l1).abs(), tolerance::GPU_LOSS);
+    out.add((stage, "SSIM"), (ssim - twin.ssim).abs(), bound);
+    match kind {
+        // The gradient is 0 or hangs on the sign of rounding: bounded is all it can be.
+        Kind::Equal | Kind::Black => {
+            let largest = ours.iter().fold(0.0f64, |m, d| m.max(d.abs()));
+            let what = (stage, "largest gradient, in pixels");
+            out.add(what, largest * n_valid as f64, 1.0);
+        }
+        _ => out.close((stage, "gradient"), &ours, &twin.d_render, bound),
+    }
+    Ok(out)
+}
+
+/// RGBA8 of a goal, alpha 255 where it counts.
+fn texels(goal: &[u8], mask: Option<&[bool]>) -> Vec<u32> {
+    let texel = |(i, p): (usize, &[u8])| {
+        let alpha = if mask.is_none_or(|m| m[i]) { 255 } else { 0 };
+        u32::from_le_bytes([p[0], p[1], p[2], alpha])
+    };
+    goal.chunks_exact(3).enumerate().map(texel).collect()
+}

@@ -1,0 +1,205 @@
+//! Whether this program computes on an adapter what it should: every kernel against the f64
+//! [`crate::reference`], how long each takes, and whether training repeats to the bit.
+//!
+//! Each stage of a view works on what the stage before it left on the GPU, as in training, and is
+//! held to the reference's own result from the stored parameters on; sorts, sums and lists, which
+//! are integers, agree exactly with what the host makes of the same input.
+
+mod adapter;
+mod finding;
+mod rig;
+mod table;
+
+pub mod adam;
+pub mod changes;
+pub mod determinism;
+pub mod forward;
+pub mod host;
+pub mod image;
+pub mod loss;
+pub mod stage;
+pub mod timing;
+pub mod view;
+
+pub use adapter::{Adapter, Limit, STORAGE_BUFFERS, UNIFORM_BUFFERS, WORKGROUP_BYTES};
+pub use finding::{Finding, Findings};
+pub use rig::{
+    Context, POISON, Rig, ViewGradients, camera_of, gaussians_of, twin_of, view_of, wide,
+};
+
+use serde::Serialize;
+
+use self::determinism::Repeat;
+use self::loss::{Kind, LossCase, MaskKind};
+use self::timing::Timing;
+use crate::config::{Config, PRESETS};
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+
+/// What the doctor has found on an adapter.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    pub version: &'static str,
+    pub adapter: Adapter,
+    pub stages: Vec<StageReport>,
+    pub repeat: Repeat,
+    /// Whether all is well.
+    pub holds: bool,
+    /// Every comparison.
+    pub findings: Vec<Finding>,
+}
+
+/// One stage over all its cases.
+#[derive(Clone, Debug, Serialize)]
+pub struct StageReport {
+    pub stage: &'static str,
+    /// How many of `unit` were timed, in how many seconds.
+    pub count: usize,
+    pub unit: &'static str,
+    pub seconds: f64,
+    /// Whether by the adapter's timestamps; otherwise wall-clock time.
+    pub by_timestamps: bool,
+    /// The finding that comes closest to its bound or exceeds it most; `None`: nothing was
+    /// compared, which does not pass.
+    pub worst: Option<Finding>,
+    /// Comparisons made.
+    pub n_findings: usize,
+    pub holds: bool,
+}
+
+/// Runs every stage on `gpu` and compares.
+///
+/// # Errors
+/// An adapter that lacks what the kernels need, or a GPU fault.
+pub fn examine(gpu: Gpu) -> Result<Report> {
+    let adapter = Adapter::of(&gpu);
+    if let Some(limit) = adapter.limits.iter().find(|limit| !limit.holds()) {
+        return Err(Error::new(format!(
+            "the adapter has {} {}, the kernels need {}",
+            limit.adapter, limit.name, limit.needed
+        ))
+        .at(&adapter.name)
+        .way_out("update its driver, or use another adapter"));
+    }
+    let ctx = Context::new(gpu)?;
+    let config = Config::preset(PRESETS[0].0)?;
+    let mut findings = examine_kernels(&ctx)?;
+    let timed = view::timed_case();
+    findings.extend(view::examine(&ctx, &timed)?.0.list);
+    let mut timings = timing::time_view(&ctx, &timed)?;
+    timings.extend(timing::time_rest(&ctx)?);
+    for (found, timing) in [
+        host::examine_field(&config),
+        host::examine_point_splat(&config)?,
+    ] {
+        findings.extend(found.list);
+        timings.push(timing);
+    }
+    let repeat = determinism::repeat(&ctx)?;
+    Ok(Report::new(adapter, repeat, findings, &timings))
+}
+
+/// Every kernel on small cases.
+///
+/// # Errors
+/// A GPU fault.
+pub fn examine_kernels(ctx: &Context) -> Result<Vec<Finding>> {
+    let mut findings = Vec::new();
+    for case in view::small_cases() {
+        findings.extend(view::examine(ctx, &case)?.0.list);
+    }
+    for case in loss_cases() {
+        findings.extend(loss::examine(ctx, &case)?.list);
+    }
+    for degree in 0..4 {
+        for n_views in [1, 2] {
+            findings.extend(adam::examine(ctx, degree, n_views)?.list);
+        }
+        // Fewer, within the room that there is, and more.
+        for len in [40, 170, 333] {
+            let plan = changes::random_plan(150, len, 96);
+            let sizes = (150, 180);
+            findings.extend(changes::examine_rearrange(ctx, &plan, sizes, degree)?.list);
+        }
+    }
+    findings.extend(changes::examine_reset(ctx, 70)?.list);
+    Ok(findings)
+}
+
+fn loss_cases() -> Vec<LossCase> {
+    let mut cases = Vec::new();
+    for size in [(64, 48), (33, 17), (7, 5), (1, 1)] {
+        let mut add = |kind, mask| cases.push(LossCase { size, kind, mask });
+        add(Kind::Noise, None);
+        add(Kind::Flat, None);
+        for mask in MaskKind::ALL {
+            add(Kind::Noise, Some(mask));
+        }
+    }
+    cases
+}
+
+impl StageReport {
+    fn of(stage: &'static str, findings: &[Finding], timings: &[Timing]) -> StageReport {
+        let own: Vec<&Finding> = findings.iter().filter(|f| f.stage == stage).collect();
+        let worst = own
+            .iter()
+            .copied()
+            .max_by(|a, b| a.severity().total_cmp(&b.severity()));
+        let timing = timings.iter().find(|timing| timing.stage == stage);
+        StageReport {
+            stage,
+            count: timing.map_or(0, |t| t.count),
+            unit: timing.map_or("", |t| t.unit),
+            seconds: timing.map_or(f64::NAN, |t| t.seconds),
+            by_timestamps: timing.is_some_and(|t| t.by_timestamps),
+            worst: worst.cloned(),
+            n_findings: own.len(),
+            holds: !own.is_empty() && own.iter().all(|finding| finding.holds()),
+        }
+    }
+}
+
+impl Report {
+    /// The verdict over what was found.
+    pub fn new(
+        adapter: Adapter,
+        repeat: Repeat,
+        findings: Vec<Finding>,
+        timings: &[Timing],
+    ) -> Report {
+        let stages: Vec<StageReport> = stage::ALL
+            .iter()
+            .map(|stage| StageReport::of(stage, &findings, timings))
+            .collect();
+        Report {
+            version: env!("CARGO_PKG_VERSION"),
+            adapter,
+            holds: repeat.holds && stages.iter().all(|stage| stage.holds),
+            stages,
+            repeat,
+            findings,
+        }
+    }
+
+    /// # Errors
+    /// Something is out of bounds: names the stages.
+    pub fn verdict(&self) -> Result<()> {
+        if self.holds {
+            return Ok(());
+        }
+        let what = format!("out of bounds: {}", self.failures().join(", "));
+        let way_out = "do not trust results of this adapter; update its driver or use another";
+        Err(Error::new(what).at(&self.adapter.name).way_out(way_out))
+    }
+
+    /// The stages that are out of bounds; training, where it does not repeat.
+    fn failures(&self) -> Vec<&str> {
+        let stages = self.stages.iter().filter(|stage| !stage.holds);
+        let mut failures: Vec<&str> = stages.map(|stage| stage.stage).collect();
+        if !self.repeat.holds {
+            failures.push("training twice");
+        }
+        failures
+    }
+}

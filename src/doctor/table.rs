@@ -1,0 +1,144 @@
+//! The report as Markdown.
+
+use std::fmt;
+
+use super::{Adapter, Report, StageReport};
+use crate::report::Table;
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "### Adapter\n\n{}", adapter_table(&self.adapter))?;
+        writeln!(f, "### Stages\n\n{}", stage_table(&self.stages))?;
+        let n: usize = self.stages.iter().map(|stage| stage.n_findings).sum();
+        writeln!(
+            f,
+            "Each row shows, of all comparisons of its stage ({n} in all), the one that comes \
+             closest to its bound. Bound 0: integers, which agree exactly."
+        )?;
+        let clock = if self.adapter.timestamps {
+            "Times are the adapter's timestamps; with *, wall-clock time."
+        } else {
+            "The adapter has no timestamps: times are wall-clock time, submission included."
+        };
+        writeln!(f, "{clock} The fastest of five rounds.\n")?;
+        let repeat = &self.repeat;
+        writeln!(
+            f,
+            "Trained twice with one seed, {} iterations: {} and {}, {}",
+            repeat.iterations,
+            repeat.hashes[0],
+            repeat.hashes[1],
+            if repeat.holds {
+                "equal to the bit"
+            } else {
+                "**different**"
+            }
+        )
+    }
+}
+
+fn adapter_table(adapter: &Adapter) -> Table {
+    let mut table = Table::new(&["adapter", &adapter.name, "needed"]);
+    let mut row = |name: &str, value: String, needed: &str| {
+        table.row(&[name.to_owned(), value, needed.to_owned()]);
+    };
+    row("driver", adapter.driver.clone(), "");
+    row(
+        "backend",
+        format!("{}, {}", adapter.backend, adapter.kind),
+        "",
+    );
+    let mib = |bytes: u64| format!("{} MiB", bytes >> 20);
+    row("largest buffer", mib(adapter.max_buffer_bytes), "");
+    row("largest binding", mib(adapter.max_binding_bytes), "");
+    row(
+        "- Gaussians of SH degree 3",
+        grouped(adapter.most_gaussians as u64),
+        "",
+    );
+    row("- (tile, Gaussian) pairs", grouped(adapter.most_pairs), "");
+    for limit in &adapter.limits {
+        row(
+            limit.name,
+            limit.adapter.to_string(),
+            &limit.needed.to_string(),
+        );
+    }
+    let yes = |has: bool| if has { "yes" } else { "no" }.to_owned();
+    row("timestamps", yes(adapter.timestamps), "for times");
+    let subgroups = match adapter.subgroups {
+        Some([min, max]) if min == max => format!("{min} threads"),
+        Some([min, max]) => format!("{min} to {max} threads"),
+        None => "no".to_owned(),
+    };
+    row("subgroups", subgroups, "not used");
+    row("half floats", yes(adapter.half_floats), "not used");
+    table
+}
+
+fn stage_table(stages: &[StageReport]) -> Table {
+    let header = [
+        "stage",
+        "size",
+        "time",
+        "throughput",
+        "error",
+        "bound",
+        "worst at",
+        "verdict",
+    ];
+    let mut table = Table::new(&header);
+    for stage in stages {
+        let (error, bound, at) = match &stage.worst {
+            Some(worst) if worst.error == 0.0 => ("0".into(), number(worst.bound), String::new()),
+            Some(worst) => (
+                number(worst.error),
+                number(worst.bound),
+                format!("{}, {}", worst.case, worst.what),
+            ),
+            None => ("n/a".into(), "n/a".into(), "nothing compared".into()),
+        };
+        let mark = if stage.by_timestamps { "" } else { "*" };
+        let rate = stage.count as f64 / stage.seconds;
+        table.row(&[
+            stage.stage.to_owned(),
+            format!("{} {}", grouped(stage.count as u64), stage.unit),
+            format!("{:.2} ms{mark}", 1e3 * stage.seconds),
+            format!("{} M/s", significant(1e-6 * rate)),
+            error,
+            bound,
+            at,
+            if stage.holds { "ok" } else { "**FAILED**" }.to_owned(),
+        ]);
+    }
+    table
+}
+
+/// 0, or two digits.
+fn number(x: f64) -> String {
+    match x {
+        0.0 => "0".to_owned(),
+        x if x == x.round() && x.abs() < 1e6 => format!("{x}"),
+        x if x.is_finite() => format!("{x:.1e}"),
+        _ => "not finite".to_owned(),
+    }
+}
+
+/// Three significant digits or whole numbers.
+fn significant(x: f64) -> String {
+    let decimals = (2.0 - x.abs().log10().floor()).clamp(0.0, 3.0);
+    format!("{x:.*}", decimals as usize)
+}
+
+/// Digits in groups of three.
+fn grouped(n: u64) -> String {
+    let digits = n.to_string();
+    let mut out = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push(',');
+        }
+        out.push(digit);
+    }
+    out
+}

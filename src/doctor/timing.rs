@@ -1,0 +1,225 @@
+//! How long the stages take, the fastest of several rounds.
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use super::rig::{Context, Rig};
+use super::view::{TIMED_GAUSSIANS, TIMED_SIZE, ViewCase};
+use super::{adam, changes, loss, stage};
+use crate::error::Result;
+use crate::gpu::{Commands, Profile};
+use crate::reference::cases::Random;
+use crate::render::{LossUniform, Pass, read_totals};
+use crate::train::optimizer::StepUniform;
+
+/// Rounds of which the fastest counts.
+const ROUNDS: usize = 5;
+
+/// The time of a stage.
+#[derive(Clone, Copy, Debug)]
+pub struct Timing {
+    pub stage: &'static str,
+    /// How many of `unit` it worked on.
+    pub count: usize,
+    pub unit: &'static str,
+    pub seconds: f64,
+    /// By the adapter's timestamps, otherwise wall-clock time around submission and wait.
+    pub by_timestamps: bool,
+}
+
+impl Timing {
+    pub fn wall(stage: &'static str, count: usize, unit: &'static str, seconds: f64) -> Timing {
+        Timing {
+            stage,
+            count,
+            unit,
+            seconds,
+            by_timestamps: false,
+        }
+    }
+}
+
+/// Wall-clock time.
+pub struct Clock(Instant);
+
+impl Clock {
+    pub fn start() -> Clock {
+        Clock(Instant::now())
+    }
+
+    pub fn seconds(&self) -> f64 {
+        self.0.elapsed().as_secs_f64()
+    }
+}
+
+/// Times submissions, and keeps the shortest time of each stage.
+struct Stopwatch<'a> {
+    ctx: &'a Context,
+    profile: Option<Profile>,
+    best: BTreeMap<&'static str, f64>,
+}
+
+impl<'a> Stopwatch<'a> {
+    fn new(ctx: &'a Context) -> Stopwatch<'a> {
+        Stopwatch {
+            ctx,
+            profile: Profile::new(&ctx.gpu),
+            best: BTreeMap::new(),
+        }
+    }
+
+    /// Submits what `record` records, and returns its seconds.
+    fn run(&mut self, record: impl FnOnce(&mut Commands<'_>)) -> Result<f64> {
+        let gpu = &self.ctx.gpu;
+        gpu.wait()?;
+        let clock = Clock::start();
+        let mut commands = Commands::profiled(gpu, self.profile.as_mut());
+        record(&mut commands);
+        commands.submit();
+        gpu.wait()?;
+        let wall = clock.seconds();
+        match &mut self.profile {
+            Some(profile) => Ok(profile.take(gpu)?.values().sum()),
+            None => Ok(wall),
+        }
+    }
+
+    fn keep(&mut self, stage: &'static str, seconds: f64) {
+        let best = self.best.entry(stage).or_insert(f64::INFINITY);
+        *best = best.min(seconds);
+    }
+
+    fn timing(&self, stage: &'static str, count: usize, unit: &'static str) -> Timing {
+        Timing {
+            stage,
+            count,
+            unit,
+            seconds: self.best.get(stage).copied().unwrap_or(f64::NAN),
+            by_timestamps: self.profile.is_some(),
+        }
+    }
+}
+
+/// A stage and how it is recorded.
+type Step = (&'static str, fn(&Pass<'_>, &mut Commands<'_>));
+
+/// The stages of a view. The sort by tile stands for both sorts, counting and emitting pairs are
+/// one stage.
+const STEPS: [Step; 11] = [
+    (stage::PROJECT, |pass, commands| pass.project(commands)),
+    (stage::DEPTH_KEYS, |pass, commands| {
+        pass.depth_keys(commands)
+    }),
+    ("", |pass, commands| pass.sort_by_depth(commands)),
+    (stage::BIN, |pass, commands| pass.count_pairs(commands)),
+    (stage::SCAN, |pass, commands| pass.scan_pairs(commands)),
+    (stage::BIN, |pass, commands| pass.emit_pairs(commands)),
+    (stage::RADIX_SORT, |pass, commands| {
+        pass.sort_by_tile(commands)
+    }),
+    (stage::TILE_RANGES, |pass, commands| {
+        pass.find_tile_ranges(commands)
+    }),
+    (stage::RASTERIZE, |pass, commands| pass.rasterize(commands)),
+    (stage::RASTERIZE_BACKWARD, |pass, commands| {
+        pass.rasterize_backward(commands)
+    }),
+    (stage::PROJECT_BACKWARD, |pass, commands| {
+        pass.project_backward(commands)
+    }),
+];
+
+/// Times the stages of a view.
+///
+/// # Errors
+/// A GPU fault, or a case that the adapter cannot hold.
+pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<Vec<Timing>> {
+    let mut rig = Rig::of_twin(ctx, &case.gaussians, &case.camera)?;
+    rig.forward(ctx)?;
+    let n_pairs = read_totals(&ctx.gpu, &rig.workspace)?.pairs;
+    let n_pixels = case.camera.width * case.camera.height;
+    let mut random = Random::new(9);
+    let weights: Vec<f64> = (0..4 * n_pixels)
+        .map(|_| random.uniform(-1.0, 1.0))
+        .collect();
+    let (d_rgb, d_alpha) = weights.split_at(3 * n_pixels);
+    rig.write_image(ctx, "d_rendered", d_rgb, d_alpha, 0.0);
+    let mut watch = Stopwatch::new(ctx);
+    for _ in 0..ROUNDS {
+        let pass = rig.pass(ctx);
+        let mut round: BTreeMap<&str, f64> = BTreeMap::new();
+        for (stage, record) in STEPS {
+            let seconds = watch.run(|commands| record(&pass, commands))?;
+            *round.entry(stage).or_insert(0.0) += seconds;
+        }
+        for (stage, seconds) in round {
+            watch.keep(stage, seconds);
+        }
+    }
+    let n = case.gaussians.n();
+    Ok([
+        (stage::PROJECT, n, "Gaussians"),
+        (stage::DEPTH_KEYS, n, "Gaussians"),
+        (stage::RADIX_SORT, n_pairs, "pairs"),
+        (stage::BIN, n_pairs, "pairs"),
+        (stage::SCAN, n, "Gaussians"),
+        (stage::TILE_RANGES, n_pairs, "pairs"),
+        (stage::RASTERIZE, n_pairs, "pairs"),
+        (stage::RASTERIZE_BACKWARD, n_pairs, "pairs"),
+        (stage::PROJECT_BACKWARD, n, "Gaussians"),
+    ]
+    .map(|(stage, count, unit)| watch.timing(stage, count, unit))
+    .to_vec())
+}
+
+/// Times the losses, Adam, and the changes of the set.
+///
+/// # Errors
+/// A GPU fault, or a case that the adapter cannot hold.
+pub fn time_rest(ctx: &Context) -> Result<Vec<Timing>> {
+    let gpu = &ctx.gpu;
+    let mut watch = Stopwatch::new(ctx);
+    let n_pixels = TIMED_SIZE.0 * TIMED_SIZE.1;
+    let rig = loss::rig(ctx, TIMED_SIZE)?;
+    let goal = vec![0xff80_8080; n_pixels];
+    rig.workspace.set_goal(gpu, 0, &goal);
+    let n = TIMED_GAUSSIANS;
+    let optimizer = changes::optimizer(ctx, n, n, 3)?;
+    let space = adam::workspace(ctx, n)?;
+    let groups = optimizer.bind(gpu, &ctx.optimizer, &space);
+    let config = adam::config()?;
+    for _ in 0..ROUNDS {
+        for (stage, masked) in [(stage::LOSS, false), (stage::MASKED_LOSS, true)] {
+            let uniform = LossUniform::new(1.0, loss::SSIM_WEIGHT, n_pixels, masked);
+            let pass = rig.pass(ctx);
+            let seconds = watch.run(|commands| pass.loss(commands, uniform))?;
+            watch.keep(stage, seconds);
+        }
+        let step = StepUniform::new(&config, 0, 1.0, &adam::CENTERS);
+        let seconds = watch.run(|commands| {
+            optimizer.step(gpu, &ctx.optimizer, &groups, commands, (step, 3));
+        })?;
+        watch.keep(stage::ADAM, seconds);
+    }
+    let mut timings = vec![
+        watch.timing(stage::LOSS, n_pixels, "pixels"),
+        watch.timing(stage::MASKED_LOSS, n_pixels, "pixels"),
+        watch.timing(stage::ADAM, n, "Gaussians"),
+    ];
+    // Both submit themselves.
+    let mut optimizer = optimizer;
+    let plan = changes::random_plan(n, n, 3);
+    let (mut rearrange, mut reset) = (f64::INFINITY, f64::INFINITY);
+    for _ in 0..ROUNDS {
+        let clock = Clock::start();
+        optimizer.rearrange(gpu, &ctx.optimizer, &plan)?;
+        rearrange = rearrange.min(clock.seconds());
+        let clock = Clock::start();
+        optimizer.reset_opacity(gpu, &ctx.optimizer, 0.3);
+        gpu.wait()?;
+        reset = reset.min(clock.seconds());
+    }
+    timings.push(Timing::wall(stage::REARRANGE, n, "Gaussians", rearrange));
+    timings.push(Timing::wall(stage::RESET_OPACITY, n, "Gaussians", reset));
+    Ok(timings)
+}

@@ -1,0 +1,128 @@
+//! Whole views: the cases that every stage of a view is held to.
+
+use super::finding::Findings;
+use super::forward::{self, ListLengths};
+use super::image::{self, Truth};
+use super::rig::{Context, Rig};
+use crate::error::Result;
+use crate::gpu::Commands;
+use crate::reference::cases::{TwinCase, huge, layers, loss_weights, needles, random_scene};
+use crate::reference::model::{TwinCamera, TwinGaussians};
+use crate::reference::raster::{backward, render};
+use crate::reference::tolerance;
+
+/// Largest errors that pass.
+#[derive(Clone, Copy, Debug)]
+pub struct Bounds {
+    pub projection: f64,
+    pub image: f64,
+    pub gradient: f64,
+}
+
+/// Bounds of ordinary Gaussians.
+pub const ORDINARY: Bounds = Bounds {
+    projection: tolerance::GPU_PROJECTION,
+    image: tolerance::GPU_IMAGE,
+    gradient: tolerance::GPU_GRADIENT,
+};
+
+/// Bounds of Gaussians that cover the screen.
+pub const COVERS: Bounds = Bounds {
+    gradient: tolerance::GPU_COVER_GRADIENT,
+    ..ORDINARY
+};
+
+/// Bounds of needles.
+pub const NEEDLES: Bounds = Bounds {
+    projection: tolerance::GPU_PROJECTION,
+    image: tolerance::GPU_NEEDLE_IMAGE,
+    gradient: tolerance::GPU_NEEDLE_GRADIENT,
+};
+
+/// Gaussians that one camera looks at.
+pub struct ViewCase {
+    pub name: String,
+    pub gaussians: TwinGaussians,
+    pub camera: TwinCamera,
+    pub bounds: Bounds,
+}
+
+impl ViewCase {
+    /// Camera `index` of a case, its image `width` by `height`.
+    pub fn new(
+        name: &str,
+        case: &TwinCase,
+        index: usize,
+        (width, height): (usize, usize),
+        bounds: Bounds,
+    ) -> ViewCase {
+        ViewCase {
+            name: format!("{name} {width}x{height}"),
+            gaussians: case.gaussians.clone(),
+            camera: case.cameras[index].resized(width, height),
+            bounds,
+        }
+    }
+}
+
+/// The size at which stages are timed.
+pub const TIMED_GAUSSIANS: usize = 20_000;
+pub const TIMED_SIZE: (usize, usize) = (320, 213);
+
+/// The case that stages are timed on.
+pub fn timed_case() -> ViewCase {
+    let case = random_scene(TIMED_GAUSSIANS, 3, 1);
+    ViewCase::new("ordinary", &case, 0, TIMED_SIZE, ORDINARY)
+}
+
+/// Ordinary and unreasonable Gaussians at sizes even, odd and tiny.
+pub fn small_cases() -> Vec<ViewCase> {
+    let ordinary = |degree, seed| random_scene(400, degree, seed);
+    vec![
+        ViewCase::new("ordinary", &ordinary(2, 2), 1, (61, 47), ORDINARY),
+        ViewCase::new("ordinary", &ordinary(3, 3), 3, (160, 104), ORDINARY),
+        ViewCase::new("ordinary", &ordinary(1, 4), 0, (7, 5), ORDINARY),
+        ViewCase::new("ordinary", &ordinary(0, 5), 0, (1, 1), ORDINARY),
+        ViewCase::new("screen covers", &huge(60, 6), 0, (97, 63), COVERS),
+        ViewCase::new("equal depths", &layers(8, 40, 7), 0, (81, 53), ORDINARY),
+        ViewCase::new("needles", &needles(80, 8), 0, (160, 104), NEEDLES),
+    ]
+}
+
+/// Holds every stage of a view, forward and back, against the reference.
+///
+/// # Errors
+/// A GPU fault, or a case that the adapter cannot hold.
+pub fn examine(ctx: &Context, case: &ViewCase) -> Result<(Findings, ListLengths)> {
+    let ViewCase {
+        gaussians,
+        camera,
+        bounds,
+        ..
+    } = case;
+    let twin = render(gaussians, camera);
+    let (d_rgb, d_alpha) = loss_weights(&twin, 17);
+    let gradients = backward(gaussians, camera, &twin, &d_rgb, &d_alpha);
+    let truth = Truth {
+        rgb: &twin.rgb,
+        alpha: &twin.alpha,
+        fragile: &twin.fragile,
+        d_rgb: &d_rgb,
+        d_alpha: &d_alpha,
+        classes: gradients.classes(),
+    };
+    let mut out = Findings::of(&case.name);
+    let mut rig = Rig::of_twin(ctx, gaussians, camera)?;
+    // Makes room for the pairs.
+    rig.forward(ctx)?;
+    let splats = &twin.projected;
+    let lengths = forward::examine(ctx, &rig, camera, splats, bounds.projection, &mut out)?;
+    let mut commands = Commands::new(&ctx.gpu);
+    rig.pass(ctx).rasterize(&mut commands);
+    commands.submit();
+    image::hold_image(&rig.read_rendered(ctx)?, &truth, bounds.image, &mut out);
+    let splats = (splats.as_slice(), gradients.splats.as_slice());
+    let ours = image::examine_backward(ctx, &rig, splats, &truth, bounds.gradient, &mut out)?;
+    image::hold_gradients(&ours, gaussians, camera, &truth, bounds.gradient, &mut out);
+    Ok((out, lengths))
+}

@@ -1,0 +1,241 @@
+//! Seeded cases: every number is exactly representable in f32, so a single-precision renderer
+//! starts from the same input.
+
+use std::collections::BTreeSet;
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+use super::linalg::{Vec3, cross, dot, normalize, sub};
+use super::model::{TwinCamera, TwinGaussians};
+use super::raster::TwinRender;
+use super::sh;
+
+/// Gaussians and the cameras that look at them.
+pub struct TwinCase {
+    pub gaussians: TwinGaussians,
+    pub cameras: Vec<TwinCamera>,
+}
+
+fn f32_exact(x: f64) -> f64 {
+    f64::from(x as f32)
+}
+
+/// Seeded numbers.
+pub struct Random(ChaCha8Rng);
+
+impl Random {
+    pub fn new(seed: u64) -> Self {
+        Self(ChaCha8Rng::seed_from_u64(seed))
+    }
+
+    /// In `[low, high)`.
+    pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
+        let unit = (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+        low + (high - low) * unit
+    }
+
+    /// Standard normal (Box-Muller).
+    pub fn normal(&mut self) -> f64 {
+        let radius = (-2.0 * (1.0 - self.uniform(0.0, 1.0)).ln()).sqrt();
+        radius * (std::f64::consts::TAU * self.uniform(0.0, 1.0)).cos()
+    }
+}
+
+/// A 160x104 camera at `eye` that looks at `target`, world up -y, centred, 60 degrees wide.
+pub fn looking_at(eye: Vec3, target: Vec3) -> TwinCamera {
+    let (z, _) = normalize(&sub(&target, &eye));
+    let (x, _) = normalize(&cross(&z, &[0.0, -1.0, 0.0]));
+    let y = cross(&z, &x);
+    let row = |axis: Vec3| [axis[0], axis[1], axis[2], -dot(&axis, &eye)].map(f32_exact);
+    TwinCamera {
+        w2c: [row(x), row(y), row(z), [0.0, 0.0, 0.0, 1.0]],
+        width: 160,
+        height: 104,
+        fx: 138.5,
+        fy: 138.5,
+        cx: 80.0,
+        cy: 52.0,
+        near: f32_exact(0.02),
+        background: [0.0; 3],
+    }
+}
+
+/// Four cameras on the unit scale: one outside and centred, one inside the cloud with an
+/// off-centre principal point, unequal focal lengths and a background, one far to the side that
+/// sees the cloud at its edge, and one near the cloud's rim, so that many means lie beyond the
+/// Jacobian's bounds.
+pub fn cameras() -> Vec<TwinCamera> {
+    let outside = looking_at([1.3, -0.7, 1.1], [0.0; 3]);
+    let inside = TwinCamera {
+        fx: 121.25,
+        fy: 96.5,
+        cx: 47.75,
+        cy: 66.25,
+        background: [0.25, 0.5, 0.75],
+        ..looking_at([0.21, 0.13, -0.37], [-0.4, -0.2, 0.3])
+    };
+    let aside = looking_at([-1.5, 0.2, 0.4], [-0.6, -0.9, -0.9]);
+    let rim = TwinCamera {
+        fx: 260.0,
+        fy: 250.0,
+        ..looking_at([0.0, -0.1, -0.75], [0.1, 0.0, 0.0])
+    };
+    vec![outside, inside, aside, rim]
+}
+
+/// What one Gaussian is made of.
+struct Draw {
+    mean: Vec3,
+    scale: Vec3,
+    opacity: f64,
+}
+
+/// An integer that orders as `x` does.
+fn ordered(x: f64) -> i64 {
+    let bits = x.to_bits() as i64;
+    bits ^ ((bits >> 63) as u64 >> 1) as i64
+}
+
+/// Adds Gaussians drawn by `draw`, with random rotation and SH, but only such as leave no
+/// decision a Gaussian open in any camera: near plane, depth order, the Jacobian's bounds and the
+/// clamp of the colour all have a margin of 1e-4 or more (depths 1e-5).
+fn build(
+    n: usize,
+    sh_degree: usize,
+    cameras: Vec<TwinCamera>,
+    random: &mut Random,
+    mut draw: impl FnMut(&mut Random) -> Draw,
+) -> TwinCase {
+    let mut gaussians = TwinGaussians {
+        means: Vec::new(),
+        sh: Vec::new(),
+        opacity_logit: Vec::new(),
+        scale_log: Vec::new(),
+        rotation_wxyz: Vec::new(),
+        sh_degree,
+    };
+    let mut depths = vec![BTreeSet::new(); cameras.len()];
+    while gaussians.n() < n {
+        let Draw {
+            mean,
+            scale,
+            opacity,
+        } = draw(random);
+        let mean = mean.map(f32_exact);
+        let coefficients: [Vec3; 16] = std::array::from_fn(|k| {
+            let spread = if k == 0 { 0.8 } else { 0.2 };
+            [(); 3].map(|()| f32_exact(spread * random.normal()))
+        });
+        let settled = cameras.iter().zip(&depths).all(|(camera, depths)| {
+            let p = camera.to_camera(&mean);
+            let bounds = camera.tangent_bounds();
+            let (direction, _) = normalize(&sub(&mean, &camera.center()));
+            let color = sh::color(direction, &coefficients, sh_degree);
+            (p[2] - camera.near).abs() > 1e-4
+                && (0..2).all(|i| bounds[i].iter().all(|b| (p[i] / p[2] - b).abs() > 1e-4))
+                && color.iter().all(|c| c.abs() > 1e-4)
+                && depths
+                    .range(ordered(p[2] - 1e-5)..=ordered(p[2] + 1e-5))
+                    .next()
+                    .is_none()
+        });
+        if settled {
+            for (camera, depths) in cameras.iter().zip(&mut depths) {
+                depths.insert(ordered(camera.to_camera(&mean)[2]));
+            }
+            gaussians.means.push(mean);
+            gaussians.sh.push(coefficients);
+            let logit = (opacity / (1.0 - opacity)).ln();
+            gaussians.opacity_logit.push(f32_exact(logit));
+            gaussians.scale_log.push(scale.map(|s| f32_exact(s.ln())));
+            let rotation = [(); 4].map(|()| f32_exact(1.5 * random.normal()));
+            gaussians.rotation_wxyz.push(rotation);
+        }
+    }
+    TwinCase { gaussians, cameras }
+}
+
+/// `n` Gaussians of mixed shape in a ball of radius 0.8, seen by [`cameras`]. Every tenth is
+/// nearly opaque, so that the cap of alpha is reached.
+pub fn random_scene(n: usize, sh_degree: usize, seed: u64) -> TwinCase {
+    let mut random = Random::new(seed);
+    let size = 0.35 * (n as f64).powf(-1.0 / 3.0);
+    build(n, sh_degree, cameras(), &mut random, |random| Draw {
+        mean: in_ball(random, 0.8),
+        scale: [(); 3].map(|()| size * (0.6 * random.normal()).exp()),
+        opacity: match random.uniform(0.0, 1.0) < 0.1 {
+            true => 0.9999,
+            false => random.uniform(0.05, 0.97),
+        },
+    })
+}
+
+/// Needles: one axis 1e4 times the other two.
+pub fn needles(n: usize, seed: u64) -> TwinCase {
+    let mut random = Random::new(seed);
+    build(n, 1, cameras(), &mut random, |random| {
+        let length = random.uniform(0.1, 0.5);
+        Draw {
+            mean: in_ball(random, 0.6),
+            scale: [length, 1e-4 * length, 1e-4 * length],
+            opacity: random.uniform(0.3, 0.97),
+        }
+    })
+}
+
+/// Gaussians of a hundred scene sizes or so: their means lie off most images, far beyond the
+/// Jacobian's bounds, and their ellipses cover whole images.
+pub fn huge(n: usize, seed: u64) -> TwinCase {
+    let mut random = Random::new(seed);
+    build(n, 2, cameras(), &mut random, |random| Draw {
+        mean: in_ball(random, 3.0),
+        scale: [(); 3].map(|()| (3.0 * (0.8 * random.normal()).exp()).min(100.0)),
+        opacity: random.uniform(0.1, 0.6),
+    })
+}
+
+/// `n_layers` planes of `n_per_layer` discs at exactly equal depth in front of a camera at the
+/// origin, many over each other: order within a plane is that of the indices, and the stack is
+/// deep enough for the transmittance stop. Indices of one plane are not contiguous.
+pub fn layers(n_layers: usize, n_per_layer: usize, seed: u64) -> TwinCase {
+    let mut random = Random::new(seed);
+    let camera = looking_at([0.0; 3], [0.0, 0.0, 1.0]);
+    let mut case = build(n_layers * n_per_layer, 0, vec![camera], &mut random, |r| {
+        Draw {
+            mean: [
+                r.uniform(-0.5, 0.5),
+                r.uniform(-0.3, 0.3),
+                r.uniform(1.0, 2.0),
+            ],
+            scale: [r.uniform(0.1, 0.3), r.uniform(0.1, 0.3), 0.01],
+            opacity: r.uniform(0.3, 0.95),
+        }
+    });
+    for (i, mean) in case.gaussians.means.iter_mut().enumerate() {
+        mean[2] = 1.0 + 0.125 * (i % n_layers) as f64;
+    }
+    case
+}
+
+fn in_ball(random: &mut Random, radius: f64) -> Vec3 {
+    loop {
+        let p = [(); 3].map(|()| random.uniform(-1.0, 1.0));
+        if dot(&p, &p) <= 1.0 {
+            return p.map(|x| x * radius);
+        }
+    }
+}
+
+/// Random weights in [-1, 1) of a linear loss, `(d_rgb, d_alpha)`, 0 at fragile pixels.
+pub fn loss_weights(render: &TwinRender, seed: u64) -> (Vec<f64>, Vec<f64>) {
+    let mut random = Random::new(seed);
+    let (mut d_rgb, mut d_alpha) = (Vec::new(), Vec::new());
+    for &fragile in &render.fragile {
+        let weights = [(); 4].map(|()| f32_exact(random.uniform(-1.0, 1.0)));
+        let weights = if fragile { [0.0; 4] } else { weights };
+        d_rgb.extend_from_slice(&weights[..3]);
+        d_alpha.push(weights[3]);
+    }
+    (d_rgb, d_alpha)
+}

@@ -1,0 +1,130 @@
+//! What the twins work on: Gaussians, a camera, splats on screen and gradients.
+
+use super::linalg::{Mat3, Vec3, apply, transpose};
+
+/// Gaussians as stored (raw parameters); all vectors have one entry a Gaussian.
+#[derive(Clone, Debug)]
+pub struct TwinGaussians {
+    /// World positions.
+    pub means: Vec<Vec3>,
+    /// SH coefficients `[k][channel]`, 3DGS order.
+    pub sh: Vec<[Vec3; 16]>,
+    pub opacity_logit: Vec<f64>,
+    /// Natural logarithms.
+    pub scale_log: Vec<Vec3>,
+    /// Not normalised.
+    pub rotation_wxyz: Vec<[f64; 4]>,
+    /// Coefficients `k >= (sh_degree + 1)^2` are ignored.
+    pub sh_degree: usize,
+}
+
+impl TwinGaussians {
+    pub fn n(&self) -> usize {
+        self.means.len()
+    }
+}
+
+/// A pinhole camera, world-to-camera, +z forward, y down, pixel centres at +0.5.
+#[derive(Clone, Debug)]
+pub struct TwinCamera {
+    /// Row-major.
+    pub w2c: [[f64; 4]; 4],
+    pub width: usize,
+    pub height: usize,
+    pub fx: f64,
+    pub fy: f64,
+    pub cx: f64,
+    pub cy: f64,
+    pub near: f64,
+    pub background: Vec3,
+}
+
+impl TwinCamera {
+    pub fn rotation(&self) -> Mat3 {
+        std::array::from_fn(|i| std::array::from_fn(|j| self.w2c[i][j]))
+    }
+
+    pub fn to_camera(&self, p: &Vec3) -> Vec3 {
+        let q = apply(&self.rotation(), p);
+        std::array::from_fn(|i| q[i] + self.w2c[i][3])
+    }
+
+    /// `-W^T t`.
+    pub fn center(&self) -> Vec3 {
+        let t = std::array::from_fn(|i| -self.w2c[i][3]);
+        apply(&transpose(&self.rotation()), &t)
+    }
+
+    /// Bounds `[[x_min, x_max], [y_min, y_max]]` of `x/z` and `y/z` in the projection's Jacobian:
+    /// the image's own range and 15% of its size on either side.
+    pub fn tangent_bounds(&self) -> [[f64; 2]; 2] {
+        let bounds = |c: f64, f: f64, n: usize| {
+            let (n, margin) = (n as f64, 0.15 * n as f64 / f);
+            [-c / f - margin, (n - c) / f + margin]
+        };
+        [
+            bounds(self.cx, self.fx, self.width),
+            bounds(self.cy, self.fy, self.height),
+        ]
+    }
+
+    /// The same view at another size: intrinsics scale with it.
+    pub fn resized(&self, width: usize, height: usize) -> Self {
+        let sx = width as f64 / self.width as f64;
+        let sy = height as f64 / self.height as f64;
+        let f32_exact = |x: f64| f64::from(x as f32);
+        Self {
+            width,
+            height,
+            fx: f32_exact(self.fx * sx),
+            fy: f32_exact(self.fy * sy),
+            cx: f32_exact(self.cx * sx),
+            cy: f32_exact(self.cy * sy),
+            ..self.clone()
+        }
+    }
+}
+
+/// A projected Gaussian. Where not `valid`, everything but `depth` is 0.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct TwinSplat {
+    /// In front of the near plane.
+    pub valid: bool,
+    /// Pixels.
+    pub mean2d: [f64; 2],
+    /// Camera z.
+    pub depth: f64,
+    /// `A, B, C` of `q = A dx^2 + 2 B dx dy + C dy^2`.
+    pub conic: [f64; 3],
+    /// `xx, xy, yy`, pixels squared, with the dilation.
+    pub cov2d: [f64; 3],
+    pub rgb: Vec3,
+    pub opacity: f64,
+}
+
+/// Gradient to a splat: `u, v, A, B, C, r, g, b, opacity`; `B` stands for both off-diagonals.
+pub type SplatGradient = [f64; 9];
+
+/// Gradients to the raw parameters, and to the splats on the way.
+#[derive(Clone, Debug)]
+pub struct TwinGradients {
+    pub means: Vec<Vec3>,
+    pub sh: Vec<[Vec3; 16]>,
+    pub opacity_logit: Vec<f64>,
+    pub scale_log: Vec<Vec3>,
+    pub rotation_wxyz: Vec<[f64; 4]>,
+    pub splats: Vec<SplatGradient>,
+}
+
+impl TwinGradients {
+    /// The raw-parameter classes by name, flattened: what a comparison goes over.
+    pub fn classes(&self) -> [(&'static str, Vec<f64>); 5] {
+        [
+            ("means", self.means.as_flattened().to_vec()),
+            ("sh", self.sh.as_flattened().as_flattened().to_vec()),
+            ("opacity_logit", self.opacity_logit.clone()),
+            ("scale_log", self.scale_log.as_flattened().to_vec()),
+            ("rotation_wxyz", self.rotation_wxyz.as_flattened().to_vec()),
+        ]
+    }
+}

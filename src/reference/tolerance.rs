@@ -1,0 +1,71 @@
+//! Every tolerance of the comparisons, with its reason.
+
+/// A pixel is fragile where a decision hangs on less than this share of its threshold. In single
+/// precision `q` (up to 11 at the skip threshold, its terms much larger for narrow splats) is off
+/// by up to 1e-4, so alpha by as much; a margin of ten covers the ill-conditioned.
+pub const FRAGILE: f64 = 2e-3;
+
+/// Neighbours in depth closer than this, relatively, may change places in single precision
+/// (eps 6e-8, three products and a sum).
+pub const DEPTH_GAP: f64 = 5e-7;
+
+/// Fourth-order central differences of the f64 forward against the f64 backward, relative L2 over
+/// a parameter class: rounding of the sum over a step of `STEP` leaves about 1e-9.
+pub const FINITE_DIFFERENCE: f64 = 1e-6;
+
+/// Step of the central differences. A needle of 1:1e4 sweeps many pixels a radian, so the step
+/// is small; rounding still leaves three digits to `FINITE_DIFFERENCE`.
+pub const STEP: f64 = 3e-6;
+
+/// Pixels this close to a decision get no weight in central differences: the largest step
+/// changes alpha by less.
+pub const FRAGILE_STEP: f64 = 1e-2;
+
+/// The twins against the reference images: these are stored as f32, of values up to about 4.
+pub const REFERENCE_IMAGE: f64 = 1e-6;
+
+/// The twins against the reference gradients (f64, weights rounded to f32 on both sides),
+/// relative L2 per class.
+pub const REFERENCE_GRADIENT: f64 = 1e-6;
+
+/// GPU images and gradients (relative L2 per class) against the twins, off fragile pixels: f32
+/// sums of up to a few hundred terms of order 1. Measured: 1e-6 and 3e-6.
+pub const GPU_IMAGE: f64 = 1e-5;
+pub const GPU_GRADIENT: f64 = 1e-5;
+
+/// The same for needles of 1:1e4, whose narrow axis sees the rounding of the projected mean
+/// magnified. Measured: 2e-5 and 4e-5.
+pub const GPU_NEEDLE_IMAGE: f64 = 1e-4;
+pub const GPU_NEEDLE_GRADIENT: f64 = 2e-4;
+
+/// Gradients of Gaussians of many scene sizes: their centres may lie close to the camera's plane,
+/// where depth is a small difference of large products and 1/z carries its rounding. Measured over
+/// 48 views: 4 beyond 1e-5, all in the mean of a Gaussian at depths of 0.02 to 0.06 whose
+/// coordinates are 2; at most 3e-5.
+pub const GPU_COVER_GRADIENT: f64 = 1e-4;
+
+/// GPU images at fragile pixels: one Gaussian more or less at alpha = 1/255, and what lies behind
+/// a stop at T = 1e-4.
+pub const GPU_IMAGE_FRAGILE: f64 = 1e-2;
+
+/// The GPU against the reference cases, which may hold anything: image off fragile pixels and
+/// gradient, for ordinary cases and for needles.
+pub const GPU_REFERENCE: (f64, f64) = (1e-4, 1e-4);
+pub const GPU_REFERENCE_NEEDLE: (f64, f64) = (5e-4, 2e-3);
+
+/// Projected means, depths, conics and colours, relative L2 per column: a few dozen roundings,
+/// the ill-conditioned ones (conics of long splats) a hundred times as much.
+pub const GPU_PROJECTION: f64 = 1e-5;
+
+/// Losses and their gradients. Measured: 8e-8 and 4e-7.
+pub const GPU_LOSS: f64 = 1e-5;
+
+/// SSIM and the loss's gradient where a window is flat or a single pixel: variances are
+/// differences of moments, whose rounding (6e-8) meets C2 (9e-4) alone. Measured: 9e-5 and 7e-5.
+pub const GPU_LOSS_FLAT: f64 = 2e-4;
+
+/// Adam's moments and parameters after a few steps, relative L2: rounding of each step.
+pub const GPU_ADAM: f64 = 1e-5;
+
+/// The potential field on the CPU against the same by chords, relative L2: a few roundings of f64.
+pub const FIELD: f64 = 1e-13;

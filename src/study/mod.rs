@@ -1,0 +1,158 @@
+//! The paper's tables and figures: each study is a list of runs and a fold of what they measured
+//! into tables and plots.
+//!
+//! A run that is done already, with the same config and scene, is not trained again.
+
+mod ablation;
+mod cloud;
+mod kernel;
+mod need;
+mod output;
+mod plan;
+mod potential;
+mod quality;
+mod runs;
+mod sampling;
+mod table;
+mod viewpoints;
+mod views;
+
+pub use plan::Options;
+pub use runs::State;
+pub use table::{Cell, Column, DataTable};
+pub use views::spread_order;
+
+use plan::{Base, Variant, check_names};
+use runs::{Planned, Results, carry_out};
+
+use crate::error::{Error, Result};
+
+/// The studies that there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum StudyName {
+    /// What each part of the method adds (Table 2)
+    Ablation,
+    /// Clouds from few and many views, thinned and random points (Table 3, Figure 6)
+    Cloud,
+    /// Ways to choose the virtual views (Table 4)
+    Sampling,
+    /// 3 to 9 training views (Table 5)
+    Views,
+    /// Kernels of the field: does their potential rank viewpoints by quality? (Figures 4 and 5)
+    Kernel,
+    /// The field on the sphere, and what predicts the quality of a test view
+    Potential,
+    /// What quality costs: SH degree, Gaussians, virtual views, iterations, resolution
+    Need,
+}
+
+impl StudyName {
+    pub fn name(self) -> &'static str {
+        match self {
+            StudyName::Ablation => "ablation",
+            StudyName::Cloud => "cloud",
+            StudyName::Sampling => "sampling",
+            StudyName::Views => "views",
+            StudyName::Kernel => "kernel",
+            StudyName::Potential => "potential",
+            StudyName::Need => "need",
+        }
+    }
+
+    fn study(self) -> &'static dyn Study {
+        match self {
+            StudyName::Ablation => &ablation::Ablation,
+            StudyName::Cloud => &cloud::Cloud,
+            StudyName::Sampling => &sampling::Sampling,
+            StudyName::Views => &views::Views,
+            StudyName::Kernel => &kernel::KernelStudy,
+            StudyName::Potential => &potential::Potential,
+            StudyName::Need => &need::Need,
+        }
+    }
+}
+
+/// What makes a study.
+trait Study {
+    /// What is compared, one sentence for the head of the report.
+    fn question(&self) -> &'static str;
+
+    /// The variants to train of one scene.
+    fn variants(&self, base: &Base) -> Result<Vec<Variant>>;
+
+    /// Tables and pictures of what they measured.
+    fn report(&self, results: &Results) -> Result<Report>;
+}
+
+/// What a study shows.
+#[derive(Default)]
+struct Report {
+    tables: Vec<DataTable>,
+    pictures: Vec<Picture>,
+    /// What a reader must know, beyond what every study says; a sentence each.
+    notes: Vec<String>,
+}
+
+struct Picture {
+    /// Of its file.
+    name: String,
+    svg: String,
+}
+
+/// Trains what is left to train for a study and writes its report; returns it as Markdown.
+///
+/// # Errors
+/// Usage, before anything is trained: options that a config does not allow. A run directory that
+/// holds another run. Runs that failed, after the others are done.
+pub fn run(name: StudyName, options: &Options) -> Result<String> {
+    let study = name.study();
+    let plan = plan(study, options)?;
+    let results = carry_out(&plan, &options.measure)?;
+    let report = study.report(&results)?;
+    output::write(name, study.question(), options, &results, &report)
+}
+
+/// The runs of a study with what there is of each.
+///
+/// # Errors
+/// As those of [`run`] before training.
+pub fn list(name: StudyName, options: &Options) -> Result<Vec<(String, State)>> {
+    let plan = plan(name.study(), options)?;
+    let states = plan
+        .iter()
+        .map(|p| Ok((p.name.clone(), p.state(&options.measure)?)));
+    states.collect()
+}
+
+fn plan(study: &dyn Study, options: &Options) -> Result<Vec<Planned>> {
+    if let Some(seed) = repeated(&options.seeds) {
+        return Err(Error::usage(format!("--seeds names {seed} twice")));
+    }
+    let bases = options.scenes.iter().map(|scene| Base::new(options, scene));
+    let bases = bases.collect::<Result<Vec<Base>>>()?;
+    check_names(&bases)?;
+    let mut plan = Vec::new();
+    for base in &bases {
+        for variant in study.variants(base)? {
+            plan.extend(Planned::of(options, &base.name(), &variant));
+        }
+    }
+    Ok(plan)
+}
+
+fn repeated(seeds: &[u64]) -> Option<u64> {
+    let again = |(i, seed): (usize, &u64)| seeds[..i].contains(seed).then_some(*seed);
+    seeds.iter().enumerate().find_map(again)
+}
+
+/// Words joined to a file's name, with `-` in place of what may not stand in a link.
+fn file_name(words: &[&str]) -> String {
+    let plain = |c: char| {
+        if c.is_alphanumeric() || c == '_' {
+            c
+        } else {
+            '-'
+        }
+    };
+    words.join("-").chars().map(plain).collect()
+}

@@ -1,0 +1,133 @@
+//! What a study trains: variants of a job, on every scene, with every seed.
+
+use std::path::PathBuf;
+
+use crate::config::Config;
+use crate::error::{Error, Result};
+use crate::eval::EvalOptions;
+use crate::pipeline::TrainJob;
+use crate::scene::{Scene, SceneSource};
+
+/// What all runs of a study share.
+#[derive(Clone, Debug)]
+pub struct Options {
+    pub scenes: Vec<SceneSource>,
+    /// Run directories go to its `runs/`, which studies with the same options may share.
+    pub out: PathBuf,
+    pub seeds: Vec<u64>,
+    pub iterations: Option<u32>,
+    pub max_size: Option<u32>,
+    pub max_points: Option<usize>,
+    /// `key=value` for every run. They change what the presets share; what makes a preset or a
+    /// variant what it is stays.
+    pub settings: Vec<String>,
+    /// How test views are measured.
+    pub measure: EvalOptions,
+}
+
+/// One way to train a scene, the seed aside.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Variant {
+    /// Of its run directories, between the scene's name and the seed; fit for a file's name. Jobs
+    /// of one name are the same job whatever the study.
+    pub name: String,
+    pub job: TrainJob,
+}
+
+/// Makes a scene's variants.
+pub struct Base<'a> {
+    options: &'a Options,
+    source: SceneSource,
+}
+
+impl<'a> Base<'a> {
+    /// # Errors
+    /// A folder that is not there.
+    pub fn new(options: &'a Options, source: &SceneSource) -> Result<Base<'a>> {
+        Ok(Base {
+            options,
+            source: source.clone().resolved()?,
+        })
+    }
+
+    /// Short name of the scene for tables and folders.
+    pub fn name(&self) -> String {
+        self.source.name()
+    }
+
+    pub fn source(&self) -> &SceneSource {
+        &self.source
+    }
+
+    /// The method under the study's options, then what the preset does otherwise than the
+    /// method, then `changes` (`key=value`).
+    ///
+    /// # Errors
+    /// Usage: what the config does not allow.
+    pub fn config(&self, preset: &str, changes: &[String]) -> Result<Config> {
+        let options = self.options;
+        let method = Config::preset("paper")?;
+        let preset = Config::preset(preset)?;
+        let mut config = method.clone();
+        for setting in &options.settings {
+            config = config
+                .set(setting)
+                .map_err(|e| e.at(format!("--set {setting}")))?;
+        }
+        config.iterations = options.iterations.unwrap_or(config.iterations);
+        config.scene.max_size_px = options.max_size.or(config.scene.max_size_px);
+        config.scene.max_points = options.max_points.or(config.scene.max_points);
+        let own = preset.differences(&method)?;
+        let own = own
+            .into_iter()
+            .map(|(key, value, _)| format!("{key}={value}"));
+        for change in own.chain(changes.iter().cloned()) {
+            config = config.set(&change)?;
+        }
+        config.preset = preset.preset;
+        config.validate()?;
+        Ok(config)
+    }
+
+    /// The variant `name`: a preset with changes, on the scene's own split and cloud.
+    ///
+    /// # Errors
+    /// As [`Base::config`].
+    pub fn variant(&self, name: &str, preset: &str, changes: &[String]) -> Result<Variant> {
+        Ok(Variant {
+            name: name.to_owned(),
+            job: TrainJob::new(self.source.clone(), self.config(preset, changes)?)?,
+        })
+    }
+
+    /// The presets themselves.
+    ///
+    /// # Errors
+    /// As [`Base::config`].
+    pub fn presets(&self, names: &[&str]) -> Result<Vec<Variant>> {
+        let variants = names.iter().map(|name| self.variant(name, name, &[]));
+        variants.collect()
+    }
+
+    /// The scene as the method's preset loads it, for variants that depend on what it has.
+    ///
+    /// # Errors
+    /// What loading refuses.
+    pub fn scene(&self) -> Result<Scene> {
+        let variant = self.variant("paper", "paper", &[])?;
+        variant.job.load()
+    }
+}
+
+/// Two scenes of one name would share their run directories.
+pub fn check_names(bases: &[Base]) -> Result<()> {
+    for (i, base) in bases.iter().enumerate() {
+        if bases[..i].iter().any(|other| other.name() == base.name()) {
+            return Err(
+                Error::usage(format!("two scenes are named `{}`", base.name()))
+                    .way_out("name each once, and rename one of two folders of the same name"),
+            );
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,66 @@
+//! The columns that most studies share: PSNR, SSIM, LPIPS and what a change gains.
+
+use super::runs::{Finished, Results, Scope};
+use super::table::{Cell, Column};
+use crate::report::plot::Point;
+use crate::stats::Figure;
+
+pub const SCENE: Column = Column::text("scene", "scene");
+pub const PSNR: Column = Column::figure("psnr", "PSNR dB", 2);
+pub const SSIM: Column = Column::figure("ssim", "SSIM", 3);
+pub const LPIPS: Column = Column::figure("lpips", "LPIPS", 3);
+
+/// dB.
+pub fn psnr(run: &Finished) -> Option<f64> {
+    run.evaluation.mean.psnr
+}
+
+pub fn ssim(run: &Finished) -> Option<f64> {
+    run.evaluation.mean.ssim
+}
+
+pub fn lpips(run: &Finished) -> Option<f64> {
+    run.evaluation.mean.lpips
+}
+
+/// Cells under [`PSNR`], [`SSIM`] and [`LPIPS`].
+pub fn quality(scope: &Scope, variant: &str) -> [Cell; 3] {
+    [
+        scope.figure(variant, psnr).into(),
+        scope.figure(variant, ssim).into(),
+        scope.figure(variant, lpips).into(),
+    ]
+}
+
+/// How much more PSNR `variant` has than `over`: `+0.42`, or `+0.05 (within noise)`.
+pub fn gain(scope: &Scope, variant: &str, over: &str) -> String {
+    difference(scope.figure(variant, psnr), scope.figure(over, psnr))
+}
+
+/// The difference of two figures in words; `n/a` where one is missing.
+pub fn difference(a: Option<Figure>, b: Option<Figure>) -> String {
+    let (Some(a), Some(b)) = (a, b) else {
+        return "n/a".to_owned();
+    };
+    let noise = match a.is_within_noise_of(&b) {
+        Some(true) => " (within noise)",
+        _ => "",
+    };
+    format!("{:+.2}{noise}", a.mean - b.mean)
+}
+
+/// The variant's PSNR at `x` of a plot; none where it was not measured.
+pub fn psnr_at(scope: &Scope, variant: &str, x: f64) -> Option<Point> {
+    let figure = scope.figure(variant, psnr)?;
+    Some(Point {
+        x,
+        y: figure.mean,
+        spread: figure.deviation,
+    })
+}
+
+/// The scopes that a plot has a series for: every scene, as means hide them.
+pub fn scenes(results: &Results) -> Vec<Scope<'_>> {
+    let n = results.scenes().len();
+    results.scopes().into_iter().take(n).collect()
+}

@@ -1,0 +1,257 @@
+//! Carries out what is planned; what is done already is taken as it is.
+
+use std::path::PathBuf;
+
+use super::plan::{Options, Variant};
+use crate::error::{Error, Result};
+use crate::eval::EvalOptions;
+use crate::pipeline::{self, TrainJob};
+use crate::run::{Evaluation, Metrics, RunDir};
+use crate::stats::Figure;
+
+/// A run to have.
+pub struct Planned {
+    /// Its directory's name.
+    pub name: String,
+    pub scene: String,
+    pub variant: String,
+    pub root: PathBuf,
+    pub job: TrainJob,
+}
+
+/// What there is of a planned run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// No directory, or what an interruption left.
+    ToTrain,
+    /// Trained, but not measured as asked for.
+    ToMeasure,
+    Done,
+}
+
+impl Planned {
+    /// One run for every seed.
+    pub fn of(options: &Options, scene: &str, variant: &Variant) -> Vec<Planned> {
+        let planned = |seed: &u64| {
+            let name = format!("{scene}-{}-seed{seed}", variant.name);
+            let mut job = variant.job.clone();
+            job.config.seed = *seed;
+            Planned {
+                root: options.out.join("runs").join(&name),
+                name,
+                scene: scene.to_owned(),
+                variant: variant.name.clone(),
+                job,
+            }
+        };
+        options.seeds.iter().map(planned).collect()
+    }
+
+    /// # Errors
+    /// The directory holds something else: another config, scene, or version, or no run.
+    pub fn state(&self, measure: &EvalOptions) -> Result<State> {
+        if !self.root.join("config.json").exists() {
+            RunDir::check(&self.root, false)?;
+            return Ok(State::ToTrain);
+        }
+        let run = RunDir::open(&self.root)?;
+        let another = |what: String| {
+            Error::new(format!("holds another run: {what}"))
+                .at_path(&self.root)
+                .way_out("choose another --out, or remove the run")
+        };
+        let differences = run.config()?.differences(&self.job.config)?;
+        if let Some((key, there, here)) = differences.first() {
+            return Err(another(format!("its `{key}` is {there}, not {here}")));
+        }
+        if !self.root.join("metrics.json").exists() {
+            return Ok(State::ToTrain);
+        }
+        let metrics = run.metrics()?;
+        if let Some(what) = self.difference(&metrics) {
+            return Err(another(what));
+        }
+        Ok(match pipeline::evaluation_at_hand(&run, measure)? {
+            Some(_) => State::Done,
+            None => State::ToMeasure,
+        })
+    }
+
+    /// What of a finished run is not as planned.
+    fn difference(&self, metrics: &Metrics) -> Option<String> {
+        let job = &self.job;
+        let there = &metrics.scene;
+        let cloud = job.cloud.as_ref().map(ToString::to_string);
+        let other = |names: &Option<Vec<String>>, there: &Vec<String>| {
+            names.as_ref().is_some_and(|names| names != there)
+        };
+        if metrics.version != env!("CARGO_PKG_VERSION") {
+            Some(format!("it is of version {}", metrics.version))
+        } else if there.source != job.source.to_string() {
+            Some(format!("its scene is {}", there.source))
+        } else if there.cloud != cloud {
+            let cloud = there.cloud.as_deref();
+            Some(format!(
+                "its cloud is {}",
+                cloud.unwrap_or("the scene's own")
+            ))
+        } else if other(&job.train_views, &there.train_views) {
+            Some("it has other training views".to_owned())
+        } else if other(&job.test_views, &there.test_views) {
+            Some("it has other test views".to_owned())
+        } else if job.eval_every.is_some() && metrics.curve.is_empty() {
+            Some("it has no curve".to_owned())
+        } else {
+            None
+        }
+    }
+
+    /// Does what is left to do, and reads what there is then.
+    fn finish(&self, state: State, measure: &EvalOptions) -> Result<Finished> {
+        match state {
+            State::ToTrain => {
+                // Only what an interruption left is replaced.
+                let overwrite = self.root.join("config.json").exists();
+                self.job.run(&self.root, overwrite, measure)?;
+            }
+            State::ToMeasure => {
+                pipeline::evaluate(&RunDir::open(&self.root)?, measure)?;
+            }
+            State::Done => {}
+        }
+        let run = RunDir::open(&self.root)?;
+        Ok(Finished {
+            metrics: run.metrics()?,
+            evaluation: run.evaluation()?,
+            scene: self.scene.clone(),
+            variant: self.variant.clone(),
+            job: self.job.clone(),
+            run,
+        })
+    }
+}
+
+/// A run that is done.
+#[derive(Clone)]
+pub struct Finished {
+    pub scene: String,
+    pub variant: String,
+    pub job: TrainJob,
+    pub run: RunDir,
+    pub metrics: Metrics,
+    pub evaluation: Evaluation,
+}
+
+/// All that a study trained, in the order of the plan.
+pub struct Results {
+    pub runs: Vec<Finished>,
+    /// How their test views were measured.
+    pub measure: EvalOptions,
+}
+
+impl Results {
+    /// The scenes' names.
+    pub fn scenes(&self) -> Vec<&str> {
+        let mut scenes: Vec<&str> = self.runs.iter().map(|run| run.scene.as_str()).collect();
+        scenes.dedup();
+        scenes
+    }
+
+    /// A variant's runs on a scene, in the order of the seeds; none where it lacks the variant.
+    pub fn of(&self, scene: &str, variant: &str) -> Vec<&Finished> {
+        let runs = self.runs.iter();
+        runs.filter(|run| run.scene == scene && run.variant == variant)
+            .collect()
+    }
+
+    /// Every scene and, where there are several, all together.
+    pub fn scopes(&self) -> Vec<Scope<'_>> {
+        let scenes = self.scenes();
+        let scope = |name: String, scenes: Vec<&'_ str>| Scope {
+            name,
+            scenes: scenes.into_iter().map(str::to_owned).collect(),
+            results: self,
+        };
+        let one = scenes
+            .iter()
+            .map(|name| scope((*name).to_owned(), vec![name]));
+        let mut scopes: Vec<Scope> = one.collect();
+        if scenes.len() > 1 {
+            scopes.push(scope(format!("mean of {}", scenes.len()), scenes));
+        }
+        scopes
+    }
+}
+
+/// Runs on a scene, or on several that are averaged.
+pub struct Scope<'a> {
+    pub name: String,
+    scenes: Vec<String>,
+    results: &'a Results,
+}
+
+impl Scope<'_> {
+    /// Whether every scene has the variant.
+    pub fn has(&self, variant: &str) -> bool {
+        let mut scenes = self.scenes.iter();
+        scenes.all(|scene| !self.results.of(scene, variant).is_empty())
+    }
+
+    /// What the variant's runs measured: the mean over the scenes of every seed, and how far the
+    /// seeds spread. `None` where a run has no value.
+    pub fn figure(
+        &self,
+        variant: &str,
+        measure: impl Fn(&Finished) -> Option<f64>,
+    ) -> Option<Figure> {
+        let runs = self
+            .scenes
+            .iter()
+            .map(|scene| self.results.of(scene, variant));
+        let runs: Vec<Vec<&Finished>> = runs.collect();
+        let n_seeds = runs.iter().map(Vec::len).min()?;
+        let of_seed = |i: usize| Some(Figure::of(runs.iter().map(|runs| measure(runs[i])))?.mean);
+        Figure::of((0..n_seeds).map(of_seed))
+    }
+}
+
+/// Has every run done. A run that fails does not keep those after it from being done.
+///
+/// # Errors
+/// Before anything is trained: a directory that holds another run. After all that can be is
+/// done: runs that failed.
+pub fn carry_out(plan: &[Planned], measure: &EvalOptions) -> Result<Results> {
+    let states = plan
+        .iter()
+        .map(|planned| planned.state(measure))
+        .collect::<Result<Vec<State>>>()?;
+    let n_done = states.iter().filter(|state| **state == State::Done).count();
+    log::info!("{} runs, {n_done} of them done already", plan.len());
+    let mut runs = Vec::new();
+    let mut failures = Vec::new();
+    for (i, (planned, state)) in plan.iter().zip(states).enumerate() {
+        if state != State::Done {
+            log::info!("run {} of {}: {}", i + 1, plan.len(), planned.name);
+        }
+        match planned.finish(state, measure) {
+            Ok(run) => runs.push(run),
+            Err(e) => {
+                log::warn!("run {} failed: {e}", planned.name);
+                failures.push((planned, e));
+            }
+        }
+    }
+    match failures.first() {
+        None => Ok(Results {
+            runs,
+            measure: measure.clone(),
+        }),
+        Some((planned, e)) => Err(Error::new(format!(
+            "{} of {} runs failed; the first: {}: {e}",
+            failures.len(),
+            plan.len(),
+            planned.name
+        ))
+        .way_out("the others are kept, and the same command tries these again")),
+    }
+}

@@ -1,0 +1,149 @@
+//! Viewpoints that a trained model is measured at, and what is known of them beforehand.
+
+use glam::DVec3;
+
+use super::runs::Finished;
+use crate::camera::{Camera, Frame};
+use crate::config::FieldConfig;
+use crate::error::Result;
+use crate::eval::{self, EvalOptions};
+use crate::field::{Field, Focus, angle};
+use crate::gaussians::ply::read_ply;
+use crate::gpu::Gpu;
+use crate::pipeline::{TrainJob, focus_of};
+use crate::render::Kernels;
+use crate::report::plot::{Axis, Plot, Point, Style};
+use crate::run::Evaluation;
+use crate::scene::builtin::{self, surface_distance};
+use crate::scene::{Scene, SceneSource, View};
+use crate::stats::{Figure, partial_spearman, spearman};
+use crate::views::candidates;
+
+/// Directions tried on the sphere; those below the floor or in an object fall out.
+const N_DIRECTIONS: usize = 400;
+
+/// Free space that a viewpoint needs around it, in `R`.
+const CLEARANCE: f64 = 0.05;
+
+/// A scene as a run was trained on it, with its sphere.
+pub struct Setting {
+    pub scene: Scene,
+    pub focus: Focus,
+    pub frame: Frame,
+    pub field: Field,
+    job: TrainJob,
+}
+
+impl Setting {
+    /// # Errors
+    /// What loading the scene refuses.
+    pub fn of(run: &Finished) -> Result<Setting> {
+        let scene = run.job.load()?;
+        let (focus, frame) = focus_of(&scene)?;
+        let field = Field::new(&cameras(&scene.train), &focus, &run.job.config.field);
+        Ok(Setting {
+            job: run.job.clone(),
+            scene,
+            focus,
+            frame,
+            field,
+        })
+    }
+
+    /// The field of another config.
+    pub fn field_of(&self, config: &FieldConfig) -> Field {
+        Field::new(&cameras(&self.scene.train), &self.focus, config)
+    }
+
+    /// The unit direction from the focus to a camera.
+    pub fn direction(&self, camera: &Camera) -> DVec3 {
+        (camera.center() - self.focus.center).normalize_or(-camera.forward())
+    }
+
+    /// Angle to the nearest training camera, degrees.
+    pub fn nearest_deg(&self, direction: DVec3) -> f64 {
+        let cameras = self.field.directions.iter();
+        let nearest = cameras.map(|v| angle(direction, *v));
+        nearest.fold(f64::INFINITY, f64::min).to_degrees()
+    }
+
+    /// Views all over the sphere where the truth is at hand, as it is for the built-in scene; the
+    /// test views elsewhere.
+    ///
+    /// # Errors
+    /// No training camera to take the intrinsics from.
+    pub fn viewpoints(&self) -> Result<Vec<View>> {
+        if let SceneSource::Folder(_) = self.job.source {
+            return Ok(self.scene.test.clone());
+        }
+        let mut config = self.job.config.clone();
+        config.field.n_candidates = N_DIRECTIONS;
+        let train = cameras(&self.scene.train);
+        let placed = candidates(&train, &self.focus, &self.field, &config)?;
+        let cameras = placed.into_iter().map(|view| view.camera);
+        let free = CLEARANCE * self.focus.radius;
+        Ok(cameras
+            .filter(|camera| surface_distance(camera.center()) > free)
+            .map(|camera| View {
+                image: builtin::render(&camera),
+                camera,
+                mask: None,
+            })
+            .collect())
+    }
+}
+
+pub fn cameras(views: &[View]) -> Vec<Camera> {
+    views.iter().map(|view| view.camera.clone()).collect()
+}
+
+/// Errors of a run's model at `views`.
+///
+/// # Errors
+/// A GPU fault, or a view that the adapter cannot hold.
+pub fn measure(
+    gpu: &Gpu,
+    run: &Finished,
+    frame: &Frame,
+    views: &[View],
+    options: &EvalOptions,
+) -> Result<Evaluation> {
+    let device = (gpu, &Kernels::new(gpu));
+    let gaussians = read_ply(&run.run.point_cloud())?.to_canonical(frame);
+    let config = &run.job.config.model;
+    let mut scores = Vec::with_capacity(views.len());
+    eval::render_views(device, &gaussians, frame, views, config, |view, render| {
+        scores.push(eval::score(render, view, options)?);
+        Ok(())
+    })?;
+    let train_s = run.evaluation.train_s;
+    Ok(Evaluation::new(scores, gaussians.len(), train_s))
+}
+
+/// Rank correlation of a predictor with the PSNR of every seed, whole and given the angles.
+pub fn correlations(predictor: &[f64], psnr: &[Vec<f64>], angles: &[f64]) -> [Option<Figure>; 2] {
+    let pairs = |a: &[f64], b: &[f64]| -> Vec<(f64, f64)> {
+        a.iter().copied().zip(b.iter().copied()).collect()
+    };
+    let whole = psnr.iter().map(|psnr| spearman(&pairs(predictor, psnr)));
+    let partial = psnr
+        .iter()
+        .map(|psnr| partial_spearman(predictor, psnr, angles));
+    [Figure::of(whole), Figure::of(partial)]
+}
+
+/// PSNR, the mean over the seeds, against a predictor; colour is the angle to the nearest view.
+pub fn scatter(
+    title: &str,
+    (label, predictor): (&str, &[f64]),
+    psnr: &[Vec<f64>],
+    angles: &[f64],
+) -> Plot {
+    let mean = |i: usize| psnr.iter().map(|of_seed| of_seed[i]).sum::<f64>() / psnr.len() as f64;
+    let places = predictor.iter().enumerate();
+    let points = places.map(|(i, x)| Point::new(*x, mean(i))).collect();
+    let label = format!("{label}; colour: degrees to the nearest training view");
+    let mut plot = Plot::new(title, Axis::linear(&label), Axis::linear("PSNR, dB"));
+    plot.color_label = "degrees".to_owned();
+    plot.with("", Style::Colored(angles.to_vec()), points)
+}

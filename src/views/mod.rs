@@ -1,0 +1,99 @@
+//! Virtual views: viewpoints chosen around the focus, and the cameras that stand there.
+//!
+//! A [strategy](crate::config::Strategy) gives [`Viewpoint`]s; [`place`] turns any into views.
+//! The paper's is a weighting of the candidate grid ([`potential_weights`]) and a draw from it
+//! ([`draw_without_replacement`]).
+
+mod draw;
+mod place;
+mod strategy;
+
+pub use draw::draw_without_replacement;
+pub use place::place;
+pub use strategy::{farthest_points, nearest_angle_weights, potential_weights};
+
+use glam::DVec3;
+
+use crate::camera::Camera;
+use crate::config::Config;
+use crate::error::{Error, Result};
+use crate::field::{Field, Focus, fibonacci_sphere};
+
+/// A camera that looks at the focus.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VirtualView {
+    /// World frame; named `virtual_000` onwards in the order of the choice.
+    pub camera: Camera,
+    /// Unit direction from the focus.
+    pub direction: DVec3,
+    /// `U_conf`, angle to the nearest training camera, radians.
+    pub u_conf: f64,
+    /// Supervision weight `alpha_k = 1 / (1 + U_conf)`, or 1 where confidence weighting is off.
+    pub alpha: f64,
+}
+
+/// Where a virtual camera stands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Viewpoint {
+    /// Unit direction from the focus.
+    pub direction: DVec3,
+    /// Distance from the focus, in `R`.
+    pub distance: f64,
+}
+
+impl Viewpoint {
+    /// On the sphere, in a unit direction.
+    pub fn on_sphere(direction: DVec3) -> Viewpoint {
+        Viewpoint {
+            direction,
+            distance: 1.0,
+        }
+    }
+}
+
+/// A view in every candidate direction of the grid, in its order.
+///
+/// # Errors
+/// No training camera to take the intrinsics from.
+pub fn candidates(
+    train: &[Camera],
+    focus: &Focus,
+    field: &Field,
+    config: &Config,
+) -> Result<Vec<VirtualView>> {
+    let grid = fibonacci_sphere(config.field.n_candidates);
+    let viewpoints: Vec<Viewpoint> = grid.into_iter().map(Viewpoint::on_sphere).collect();
+    place(&viewpoints, train, focus, field, config)
+}
+
+/// The `K = config.views.count` virtual views, chosen once by `config.views.strategy`; fewer
+/// where `config.views.visibility` leaves fewer candidates. The paper's: candidates on a
+/// Fibonacci sphere, drawn without replacement with probability `P_j = w_j / sum w`,
+/// `w = 1 / (U_total + epsilon)`.
+///
+/// `visible_shares`, of the candidates in the order of the grid, is what
+/// `config.views.visibility` judges by; without it there is no such judgement.
+///
+/// # Errors
+/// More views than candidates, no candidate left, weights that are not positive numbers, or
+/// interpolation with a single training camera.
+pub fn virtual_views(
+    train: &[Camera],
+    focus: &Focus,
+    field: &Field,
+    visible_shares: Option<&[f64]>,
+    config: &Config,
+) -> Result<Vec<VirtualView>> {
+    let (count, n_candidates) = (config.views.count, config.field.n_candidates);
+    if count > n_candidates {
+        return Err(Error::usage(format!(
+            "cannot draw {count} virtual views (views.count) from {n_candidates} candidates (field.n_candidates)",
+        ))
+        .way_out("lower the one or raise the other"));
+    }
+    if count == 0 {
+        return Ok(Vec::new());
+    }
+    let viewpoints = strategy::choose(train, focus, field, visible_shares, config)?;
+    place(&viewpoints, train, focus, field, config)
+}

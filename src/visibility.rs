@@ -1,0 +1,215 @@
+//! How much of what a view shows of the cloud the training cameras see, too.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::camera::{Camera, Frame};
+use crate::config::{Config, SplatConfig, VisibilityConfig};
+use crate::error::Result;
+use crate::scene::{PointCloud, thin};
+use crate::splat::{self, Filter, Points, ZBuffer};
+
+/// Longer side of the training views' depth maps, pixels: few enough that the points of a
+/// DUSt3R-style cloud leave no gaps between them through which hidden points show.
+const DEPTH_MAP_PX: u32 = 128;
+
+/// A candidate's splat is the full one in miniature: the cloud thinned to so many points, and the
+/// image shrunk alike, so that a pixel gets as many of them and as many gaps. A share is a mean
+/// over pixels, for which some thousand will do.
+const CANDIDATE_POINTS: usize = 8192;
+
+/// But no longer side of a candidate's splat is more pixels than this.
+const CANDIDATE_PX: u32 = 192;
+
+/// What a view shows of the cloud.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Support {
+    /// Share of the pixels that a point covers.
+    pub coverage: f64,
+    /// Share of the covered pixels whose point some training camera sees from within the greatest
+    /// angle; 0 where none is covered.
+    pub visible_share: f64,
+}
+
+/// A cloud with the training cameras that see each of its points.
+///
+/// Camera `i` with centre `o_i` sees the point `x` if `x` projects into its image and is not
+/// hidden, `z_i(x) <= (1 + depth_tolerance) min z_i` over the points in the same pixel of the
+/// camera's depth map. It does so from within the greatest angle of a view from `e` if
+/// `angle(o_i - x, e - x) <= max_angle_deg`: the angle at the point, because that is what the
+/// two see the surface under.
+pub struct Visibility {
+    frame: Frame,
+    near: f64,
+    points: Points,
+    positions: Vec<DVec3>,
+    /// Centres of the training cameras.
+    centers: Vec<DVec3>,
+    /// Training cameras that see a point, one point's after the other's; `first[k]..first[k + 1]`
+    /// are point `k`'s.
+    seen_by: Vec<u32>,
+    first: Vec<usize>,
+    cos_max_angle: f64,
+}
+
+impl Visibility {
+    /// The visibility of `cloud` where `occluders`, often the same cloud, hide points. Nothing
+    /// nearer than `near * frame.radius` is seen.
+    ///
+    /// # Errors
+    /// More than 2^32 - 2 points, or a training image without pixels.
+    pub fn new(
+        cloud: &PointCloud,
+        occluders: &PointCloud,
+        frame: &Frame,
+        train: &[Camera],
+        config: &VisibilityConfig,
+        near: f64,
+    ) -> Result<Visibility> {
+        splat::check_size(train)?;
+        let occluders = Points::new(occluders, frame)?;
+        let maps: Vec<DepthMap> = train
+            .par_iter()
+            .map(|camera| DepthMap::new(&occluders, &frame.camera_to_canonical(camera), near))
+            .collect();
+        let positions: Vec<DVec3> = cloud
+            .positions
+            .iter()
+            .map(|p| frame.to_canonical(*p))
+            .collect();
+        let seen: Vec<Vec<u32>> = positions
+            .par_iter()
+            .map(|p| {
+                let sees = |map: &DepthMap| map.sees(*p, near, config.depth_tolerance);
+                (0..)
+                    .zip(&maps)
+                    .filter(|(_, m)| sees(m))
+                    .map(|(i, _)| i)
+                    .collect()
+            })
+            .collect();
+        let mut first = vec![0];
+        first.extend(seen.iter().scan(0, |end, cameras| {
+            *end += cameras.len();
+            Some(*end)
+        }));
+        Ok(Visibility {
+            frame: *frame,
+            near,
+            points: Points::new(cloud, frame)?,
+            positions,
+            centers: maps.iter().map(|map| map.camera.center()).collect(),
+            seen_by: seen.into_iter().flatten().collect(),
+            first,
+            cos_max_angle: config.max_angle_deg.to_radians().cos(),
+        })
+    }
+
+    /// What each camera, world frame, shows of the cloud, splatted as `splat` says; in parallel.
+    ///
+    /// # Errors
+    /// A splat size of 0, an even filter window, or an empty image.
+    pub fn measure(&self, cameras: &[Camera], splat: &SplatConfig) -> Result<Vec<Support>> {
+        splat::check(cameras, splat)?;
+        Ok(cameras
+            .par_iter()
+            .map_init(Default::default, |scratch, camera| {
+                self.support(&self.frame.camera_to_canonical(camera), splat, scratch)
+            })
+            .collect())
+    }
+
+    fn support(
+        &self,
+        camera: &Camera,
+        splat: &SplatConfig,
+        (z_buffer, filter): &mut (ZBuffer, Filter),
+    ) -> Support {
+        self.points.draw(camera, splat.size_px, self.near, z_buffer);
+        let eye = camera.center();
+        let (mut covered, mut visible) = (0usize, 0usize);
+        filter.kept(z_buffer, splat, |_, winner| {
+            covered += 1;
+            visible += usize::from(self.is_seen(winner.point, eye));
+        });
+        Support {
+            coverage: covered as f64 / z_buffer.winners().len() as f64,
+            visible_share: visible as f64 / covered.max(1) as f64,
+        }
+    }
+
+    /// Whether some training camera sees the point from within the greatest angle of `eye`.
+    fn is_seen(&self, point: usize, eye: DVec3) -> bool {
+        let x = self.positions[point];
+        let to_eye = eye - x;
+        self.seen_by[self.first[point]..self.first[point + 1]]
+            .iter()
+            .any(|&i| {
+                let to_camera = self.centers[i as usize] - x;
+                let reach = to_eye.length() * to_camera.length();
+                to_eye.dot(to_camera) >= self.cos_max_angle * reach
+            })
+    }
+}
+
+/// The visible shares of `candidates`, estimated from splats in miniature.
+///
+/// # Errors
+/// As [`Visibility::new`] and [`Visibility::measure`].
+pub fn candidate_shares(
+    candidates: &[Camera],
+    cloud: &PointCloud,
+    frame: &Frame,
+    train: &[Camera],
+    config: &Config,
+) -> Result<Vec<f64>> {
+    let thinned = thin(cloud, CANDIDATE_POINTS, config.seed);
+    let (near, visibility) = (config.model.near, &config.views.visibility);
+    let visibility = Visibility::new(&thinned, cloud, frame, train, visibility, near)?;
+    let scale = (thinned.len() as f64 / cloud.len().max(1) as f64).sqrt();
+    let miniatures: Vec<Camera> = candidates
+        .iter()
+        .map(|camera| {
+            let longer = f64::from(camera.width.max(camera.height)) * scale;
+            camera.at_most((longer.round() as u32).clamp(1, CANDIDATE_PX))
+        })
+        .collect();
+    let supports = visibility.measure(&miniatures, &config.splat)?;
+    Ok(supports.iter().map(|s| s.visible_share).collect())
+}
+
+/// Depths of the nearest points in a training view, at a low resolution.
+struct DepthMap {
+    camera: Camera,
+    /// Row by row; infinite where there is no point.
+    depths: Vec<f32>,
+}
+
+impl DepthMap {
+    fn new(points: &Points, camera: &Camera, near: f64) -> DepthMap {
+        let camera = camera.at_most(DEPTH_MAP_PX);
+        let mut z_buffer = ZBuffer::default();
+        points.draw(&camera, 1, near, &mut z_buffer);
+        let depths = z_buffer
+            .winners()
+            .map(|w| w.map_or(f32::INFINITY, |w| w.depth));
+        DepthMap {
+            depths: depths.collect(),
+            camera,
+        }
+    }
+
+    fn sees(&self, p: DVec3, near: f64, tolerance: f64) -> bool {
+        let camera = &self.camera;
+        let q = camera.rotation * p + camera.translation;
+        let u = (camera.fx * q.x / q.z + camera.cx).floor();
+        let v = (camera.fy * q.y / q.z + camera.cy).floor();
+        let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+        // Written so that NaN fails; then u and v fit an index.
+        if !(q.z > near && u >= 0.0 && v >= 0.0 && u < width && v < height) {
+            return false;
+        }
+        let nearest = self.depths[v as usize * camera.width as usize + u as usize];
+        q.z <= f64::from(nearest) * (1.0 + tolerance)
+    }
+}

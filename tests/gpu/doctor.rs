@@ -1,0 +1,226 @@
+//! The doctor finds what is planted in the kernels, stage by stage, and says so.
+
+use gspotential::doctor::determinism::Repeat;
+use gspotential::doctor::loss::{Kind, LossCase, MaskKind};
+use gspotential::doctor::view::{ORDINARY, ViewCase};
+use gspotential::doctor::{Adapter, Context, Finding, Report, adam, changes, loss, stage, view};
+use gspotential::error::Result;
+use gspotential::gpu::Gpu;
+use gspotential::gpu::shader::{STAGES, compose};
+use gspotential::reference::cases::random_scene;
+
+use super::rig::context;
+
+/// What is replaced in a stage's complete source, and the stages that must notice it, the first
+/// of them first.
+struct Plant {
+    stage: &'static str,
+    from: &'static str,
+    to: &'static str,
+    noticed: &'static str,
+}
+
+const fn plant(
+    stage: &'static str,
+    from: &'static str,
+    to: &'static str,
+    noticed: &'static str,
+) -> Plant {
+    Plant {
+        stage,
+        from,
+        to,
+        noticed,
+    }
+}
+
+/// Slips of the kind that happens: a constant, a sign, an index.
+const PLANTS: [Plant; 14] = [
+    plant(
+        "project",
+        "+ DILATION;",
+        "+ 1.001 * DILATION;",
+        stage::PROJECT,
+    ),
+    plant(
+        "depth_keys",
+        "bitcast<u32>(s1.z) -",
+        "(bitcast<u32>(s1.z) & 0xfffff000u) -",
+        stage::DEPTH_KEYS,
+    ),
+    plant(
+        "radix",
+        "counters += one(digit);",
+        "counters += one(digit ^ 1u);",
+        stage::RADIX_SORT,
+    ),
+    plant(
+        "bin",
+        "floor(s0.x + right",
+        "floor(s0.x + 0.5 * right",
+        stage::BIN,
+    ),
+    plant(
+        "scan",
+        "let c = counts[i];\n        counts[i] = sum;",
+        "let c = counts[i];\n        counts[i] = sum + c;",
+        stage::SCAN,
+    ),
+    plant(
+        "tile_ranges",
+        "tile_ranges[tile].y = i + 1u;",
+        "tile_ranges[tile].y = i;",
+        stage::TILE_RANGES,
+    ),
+    plant(
+        "rasterize",
+        "alpha >= vec4f(ALPHA_MIN)",
+        "alpha >= vec4f(2.0 * ALPHA_MIN)",
+        stage::RASTERIZE,
+    ),
+    plant(
+        "ssim",
+        "2.0 * cov + SSIM_C2",
+        "2.0 * cov + 1.01 * SSIM_C2",
+        stage::LOSS,
+    ),
+    plant(
+        "loss_sum",
+        "loss.mean_scale * sum.yx",
+        "1.0001 * loss.mean_scale * sum.yx",
+        stage::LOSS,
+    ),
+    plant(
+        "rasterize_backward",
+        "sum_xy += v_x * t_y;",
+        "sum_xy += v_x * t_x;",
+        stage::RASTERIZE_BACKWARD,
+    ),
+    plant(
+        "project_backward",
+        "a.x * (1.0 - s1.y)",
+        "a.x * s1.y",
+        stage::PROJECT_BACKWARD,
+    ),
+    plant(
+        "adam",
+        "step.betas.w * (gradient * gradient)",
+        "step.betas.z * (gradient * gradient)",
+        stage::ADAM,
+    ),
+    plant(
+        "rearrange",
+        "new_planes[plane * rearrange.new_stride + id]",
+        "new_planes[plane * rearrange.old_stride + id]",
+        stage::REARRANGE,
+    ),
+    plant(
+        "reset_opacity",
+        "second_moment[id].w = 0.0;",
+        "second_moment[id].x = 0.0;",
+        stage::RESET_OPACITY,
+    ),
+];
+
+/// What the doctor finds with a slip in one kernel.
+fn findings_with(plant: &Plant) -> Vec<Finding> {
+    let sources = |stage: &str, degree: u32| {
+        let source = compose(stage, degree);
+        if stage != plant.stage {
+            return source;
+        }
+        assert!(source.contains(plant.from), "{stage}: no `{}`", plant.from);
+        source.replace(plant.from, plant.to)
+    };
+    // For the memory of this machine: the kernels are on an adapter of their own.
+    let _alone = context();
+    let gpu = Gpu::open().expect("an adapter");
+    let ctx = Context::from_sources(gpu, &sources).expect("compiles");
+    findings(&ctx).expect("computes")
+}
+
+/// Every kernel once.
+fn findings(ctx: &Context) -> Result<Vec<Finding>> {
+    let view = ViewCase::new("ordinary", &random_scene(400, 2, 2), 1, (61, 47), ORDINARY);
+    let mut findings = view::examine(ctx, &view)?.0.list;
+    for mask in [None, Some(MaskKind::Half)] {
+        let (size, kind) = ((33, 17), Kind::Noise);
+        findings.extend(loss::examine(ctx, &LossCase { size, kind, mask })?.list);
+    }
+    findings.extend(adam::examine(ctx, 1, 2)?.list);
+    let plan = changes::random_plan(150, 333, 1);
+    findings.extend(changes::examine_rearrange(ctx, &plan, (150, 180), 1)?.list);
+    findings.extend(changes::examine_reset(ctx, 70)?.list);
+    Ok(findings)
+}
+
+#[test]
+fn a_slip_in_any_kernel_is_found_and_named_first() {
+    let mut unplanted: Vec<&str> = STAGES.iter().map(|(stage, _)| *stage).collect();
+    for plant in &PLANTS {
+        unplanted.retain(|stage| *stage != plant.stage);
+        let findings = findings_with(plant);
+        let failed = |f: &&Finding| !f.holds();
+        let in_order = stage::ALL.iter();
+        let first = in_order
+            .flat_map(|stage| findings.iter().filter(|f| f.stage == *stage))
+            .find(failed);
+        let first = first.map(|f| f.stage);
+        assert_eq!(first, Some(plant.noticed), "{}: {}", plant.stage, plant.to);
+        let error = report(findings).verdict().expect_err("something failed");
+        assert_eq!(error.exit_code(), 1);
+        assert!(error.to_string().contains(plant.noticed), "{error}");
+    }
+    assert!(unplanted.is_empty(), "nothing planted in {unplanted:?}");
+}
+
+/// The report over these findings, were training to repeat.
+fn report(findings: Vec<Finding>) -> Report {
+    let repeat = Repeat {
+        iterations: 1,
+        n_gaussians: 1,
+        hashes: ["0".into(), "0".into()],
+        holds: true,
+    };
+    Report::new(Adapter::of(&context().gpu), repeat, findings, &[])
+}
+
+/// One finding a stage, all well.
+fn all_well() -> Vec<Finding> {
+    let finding = |stage: &&'static str| Finding {
+        stage,
+        case: "any".into(),
+        what: "any".into(),
+        error: 0.5,
+        bound: 1.0,
+    };
+    stage::ALL.iter().map(finding).collect()
+}
+
+#[test]
+fn a_report_passes_only_with_every_stage_compared_and_in_bounds() {
+    report(all_well()).verdict().expect("all is well");
+    for (i, stage) in stage::ALL.iter().enumerate() {
+        let mut lacking = all_well();
+        lacking.remove(i);
+        let mut beyond = all_well();
+        beyond[i].error = 1.5;
+        let mut lost = all_well();
+        lost[i].error = f64::INFINITY;
+        for findings in [lacking, beyond, lost] {
+            let report = report(findings);
+            let error = report.verdict().expect_err("a stage failed").to_string();
+            assert!(
+                error.contains(&format!("out of bounds: {stage};")),
+                "{error}"
+            );
+            let table = report.to_string();
+            assert_eq!(table.matches("**FAILED**").count(), 1, "{table}");
+        }
+    }
+    let mut differs = report(all_well());
+    differs.repeat.holds = false;
+    differs.holds = false;
+    let error = differs.verdict().expect_err("training differs").to_string();
+    assert!(error.contains("training twice"), "{error}");
+}

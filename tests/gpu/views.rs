@@ -1,0 +1,195 @@
+//! Every stage of a view, forward and back, against the reference; two views in one step.
+
+use std::io::Write;
+
+use gspotential::doctor::view::{Bounds, COVERS, NEEDLES, ORDINARY, ViewCase, examine};
+use gspotential::doctor::{Findings, Rig, gaussians_of, stage, view_of};
+use gspotential::gpu::Commands;
+use gspotential::reference::cases::{TwinCase, huge, layers, loss_weights, needles, random_scene};
+use gspotential::reference::raster::{backward, render};
+use gspotential::reference::tolerance;
+use gspotential::render::{Bound, Capacity, Model, Pass, Workspace};
+
+use super::rig::{assert_findings, assert_held, context};
+
+/// Prints past the test harness, which would keep it to itself.
+pub fn print(text: &str) {
+    let _ = std::io::stderr().write_all(text.as_bytes());
+}
+
+/// What tables show: a stage, and the quantities of it (all that begin so).
+const COLUMNS: [(&str, &str); 9] = [
+    (stage::PROJECT, ""),
+    (stage::RASTERIZE, ""),
+    (stage::RASTERIZE_BACKWARD, ""),
+    (stage::PROJECT_BACKWARD, "means"),
+    (stage::PROJECT_BACKWARD, "sh"),
+    (stage::PROJECT_BACKWARD, "opacity"),
+    (stage::PROJECT_BACKWARD, "scale"),
+    (stage::PROJECT_BACKWARD, "rotation"),
+    (stage::PROJECT_BACKWARD, "screen"),
+];
+
+/// The head of a table of [`row`]s: largest errors, images off fragile pixels.
+pub fn table_head() -> String {
+    let names = COLUMNS.map(|(stage, what)| if what.is_empty() { stage } else { what });
+    format!(
+        "| view | {} |\n|---{}|\n",
+        names.join(" | "),
+        "|---".repeat(COLUMNS.len())
+    )
+}
+
+/// The largest errors of one view.
+pub fn row(name: &str, findings: &Findings) -> String {
+    let largest = COLUMNS.map(|(stage, what)| {
+        let own = findings.list.iter().filter(|f| {
+            f.stage == stage && f.what.starts_with(what) && !f.what.contains("fragile")
+        });
+        own.map(|f| f.error).max_by(f64::total_cmp)
+    });
+    let cells = largest.map(|error| error.map_or("".into(), |e| format!("{e:.1e}")));
+    format!("| {name} | {} |\n", cells.join(" | "))
+}
+
+/// Holds one view, and its tile lists to about what they need.
+pub fn hold(case: &ViewCase) -> String {
+    let (findings, lengths) =
+        examine(&context(), case).unwrap_or_else(|e| panic!("{}: {e}", case.name));
+    assert_findings(&findings);
+    // The lists are by rows of the ellipse: what they hold too much is its corners.
+    assert!(
+        lengths.listed as f64 <= 1.15 * lengths.needed as f64 + 50.0,
+        "{}: lists are too long: {lengths:?}",
+        case.name
+    );
+    assert!(
+        lengths.listed <= lengths.boxes,
+        "{}: {lengths:?}",
+        case.name
+    );
+    row(&case.name, &findings)
+}
+
+/// Holds every camera of a case.
+fn hold_case(name: &str, case: &TwinCase, sizes: &[(usize, usize)], bounds: Bounds) {
+    let mut table = table_head();
+    for index in 0..case.cameras.len() {
+        for &size in sizes {
+            let name = format!("{name} {index}");
+            table += &hold(&ViewCase::new(&name, case, index, size, bounds));
+        }
+    }
+    print(&table);
+}
+
+#[test]
+fn random_scenes_match_the_reference_at_every_degree_and_odd_sizes() {
+    for degree in 0..4 {
+        let case = random_scene(400, degree, 40 + degree as u64);
+        let sizes: &[(usize, usize)] = match degree {
+            0 => &[(1, 1), (7, 5)],
+            1 => &[(33, 17)],
+            2 => &[(61, 47)],
+            _ => &[(160, 104)],
+        };
+        hold_case(&format!("random {degree}"), &case, sizes, ORDINARY);
+    }
+}
+
+#[test]
+fn huge_gaussians_match_the_reference() {
+    hold_case("huge", &huge(60, 5), &[(97, 63)], COVERS);
+}
+
+#[test]
+fn layers_of_equal_depth_match_the_reference() {
+    hold_case("layers", &layers(8, 40, 6), &[(81, 53)], ORDINARY);
+    hold_case("500 layers", &layers(1, 500, 7), &[(81, 53)], ORDINARY);
+}
+
+#[test]
+fn needles_match_the_reference() {
+    hold_case("needles", &needles(80, 8), &[(160, 104)], NEEDLES);
+}
+
+#[test]
+fn two_views_of_a_step_add_their_gradients() {
+    let case = random_scene(200, 2, 91);
+    let gaussians = gaussians_of(&case.gaussians, 2);
+    let cameras = [
+        case.cameras[0].resized(33, 17),
+        case.cameras[1].resized(40, 29),
+    ];
+    let mut sum: Vec<Vec<f64>> = Vec::new();
+    let mut colors: Vec<Vec<f64>> = Vec::new();
+    let mut weights = Vec::new();
+    for camera in &cameras {
+        let twin = render(&case.gaussians, camera);
+        let (d_rgb, d_alpha) = loss_weights(&twin, 5);
+        let gradients = backward(&case.gaussians, camera, &twin, &d_rgb, &d_alpha);
+        let classes = gradients.classes().map(|(_, values)| values);
+        if sum.is_empty() {
+            sum = classes.to_vec();
+        } else {
+            for (sum, class) in sum.iter_mut().zip(classes) {
+                sum.iter_mut().zip(class).for_each(|(s, c)| *s += c);
+            }
+        }
+        let color = gradients.splats.iter().zip(&twin.projected);
+        colors.push(
+            color
+                .flat_map(|(d, s)| [0, 1, 2].map(|c| if s.rgb[c] > 0.0 { d[5 + c] } else { 0.0 }))
+                .collect(),
+        );
+        weights.push((d_rgb, d_alpha));
+    }
+
+    let ctx = context();
+    let gpu = &ctx.gpu;
+    let views = cameras.each_ref().map(view_of);
+    let model = Model::upload(gpu, &gaussians, gaussians.len()).expect("fits");
+    let capacity = Capacity::new(model.stride, 1 << 16, &views);
+    let workspace = Workspace::new(gpu, capacity, true).expect("fits");
+    let mut rig = Rig {
+        bound: Bound::new(gpu, &ctx.kernels, &workspace, &model),
+        workspace,
+        model,
+        view: views[0],
+        sh_degree: 2,
+    };
+    rig.poison(&ctx);
+    for (slot, view) in views.into_iter().enumerate() {
+        rig.view = view;
+        let (d_rgb, d_alpha) = &weights[slot];
+        rig.write_image(&ctx, "d_rendered", d_rgb, d_alpha, 0.0);
+        let (space, bound) = (&rig.workspace, &rig.bound);
+        let at = (slot, view);
+        let pass = Pass::new(gpu, &ctx.kernels, space, bound, &rig.model, at, (2, 1));
+        let mut commands = Commands::new(gpu);
+        commands.clear(&space.totals);
+        pass.forward(&mut commands);
+        pass.backward(&mut commands);
+        commands.submit();
+    }
+    let ours = rig.gradients(&ctx).expect("readable");
+    for (what, ours, twin) in [
+        ("means", &ours.means, &sum[0]),
+        ("opacity", &ours.opacity_logit, &sum[2]),
+        ("scales", &ours.scale_log, &sum[3]),
+        ("rotations", &ours.rotation_wxyz, &sum[4]),
+    ] {
+        assert_held(what, ours, twin, tolerance::GPU_GRADIENT);
+    }
+    let d_color: Vec<[f32; 4]> = rig
+        .read(&ctx, "d_color", 2 * rig.model.stride)
+        .expect("readable");
+    for slot in 0..2 {
+        let ours: Vec<f64> = d_color[slot * rig.model.stride..][..rig.model.n]
+            .iter()
+            .flat_map(|c| [c[0], c[1], c[2]].map(f64::from))
+            .collect();
+        let what = format!("colour of view {slot}");
+        assert_held(&what, &ours, &colors[slot], tolerance::GPU_GRADIENT);
+    }
+}

@@ -1,0 +1,313 @@
+//! Tiny studies through the command.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+use crate::metrics::lpips_reference::{ALEX, generated};
+use crate::scene::build::{Folder, GOOD_PLY};
+
+fn study(folder: &Path, args: &str) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_gspotential"))
+        .arg("study")
+        .args(args.split_whitespace())
+        .current_dir(folder)
+        .output()
+        .expect("the command starts")
+}
+
+/// What a study that must succeed printed: its report and its log.
+#[track_caller]
+fn succeeds(folder: &Path, args: &str) -> (String, String) {
+    let output = study(folder, args);
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let log = text(&output.stderr);
+    assert!(output.status.success(), "{args}: {log}");
+    (text(&output.stdout), log)
+}
+
+/// The error of a study that must fail.
+#[track_caller]
+fn fails(folder: &Path, args: &str, code: i32, parts: &[&str]) -> String {
+    let output = study(folder, args);
+    let log = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(code), "{args}: {log}");
+    assert!(output.stdout.is_empty(), "{args}");
+    let error = log.lines().find(|line| line.starts_with("error: "));
+    let error = error.unwrap_or_else(|| panic!("{args}: {log}"));
+    for part in parts {
+        assert!(error.contains(part), "{args}: no `{part}` in: {error}");
+    }
+    log
+}
+
+/// Every file below a folder with its bytes.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(next) = folders.pop() {
+        for entry in fs::read_dir(next).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let bytes = fs::read(&path).expect("a file");
+                found.insert(path.display().to_string(), bytes);
+            }
+        }
+    }
+    found
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&fs::read(path).expect("a file")).expect("JSON")
+}
+
+const TINY: &str = "--scene builtin:32 --iterations 3 --max-points 40 --set scene.n_test=6 \
+                    --set field.n_candidates=1024 --set views.count=3";
+
+#[test]
+fn every_study_reports_in_text_numbers_and_pictures_and_trains_nothing_twice() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("studies");
+    // Rows of the first table, and how many runs none before has trained.
+    for (name, n_rows, n_new) in [
+        ("ablation", 7, 7),
+        ("sampling", 5, 4),
+        // 3, 4, 5, 6 and 9 of the 10 views, with either preset.
+        ("views", 10, 10),
+        ("cloud", 8, 6 + 8),
+        ("kernel", 4, 0),
+        ("potential", 8, 0),
+        // All; 3 degrees, 5 caps, 4 counts, 3 lengths and a half of 32 px.
+        ("need", 1 + 3 + 5 + 4 + 3 + 1, 3 + 5 + 4 + 3 + 1),
+    ] {
+        let args = format!("{name} {TINY} --seeds 4");
+        let (report, log) = succeeds(folder.path(), &args);
+        let begun = log.lines().filter(|line| line.starts_with("run ")).count();
+        assert_eq!(begun, n_new, "{name}: {log}");
+        let markdown = fs::read_to_string(out.join(format!("{name}.md"))).unwrap();
+        assert_eq!(report, markdown, "{name}");
+        for part in [
+            &format!("# {name}\n"),
+            "3 iterations, seed 4, scene.n_test=6",
+            "at most 40 points",
+            "test views of builtin",
+            "One seed",
+        ] {
+            assert!(report.contains(part), "{name}: no `{part}` in {report}");
+        }
+        let data = json(&out.join(format!("{name}.json")));
+        let rows = data["tables"][0]["rows"].as_array().expect("rows");
+        assert_eq!(rows.len(), n_rows, "{name}");
+        let measure = ["psnr", "spearman"]
+            .into_iter()
+            .find(|key| rows[0].get(key).is_some());
+        let measure = measure.expect("a measure");
+        for row in rows {
+            assert!(row[measure]["mean"].is_number(), "{name}: {row}");
+        }
+        let csv = fs::read_to_string(out.join(format!("{name}.csv"))).unwrap();
+        assert_eq!(csv.lines().count(), 1 + n_rows, "{name}");
+        let pictures: Vec<&str> = report
+            .lines()
+            .filter_map(|l| l.strip_prefix("!["))
+            .collect();
+        assert!(!pictures.is_empty(), "{name}");
+        for picture in pictures {
+            let file = picture.split(['(', ')']).nth(1).expect("a link");
+            let svg = fs::read_to_string(out.join(file)).unwrap();
+            assert!(
+                svg.starts_with("<svg") && svg.contains("<circle"),
+                "{name}: {file}"
+            );
+        }
+
+        let before = files(folder.path());
+        let (_, log) = succeeds(folder.path(), &args);
+        assert!(!log.contains("adapter: "), "{name} trains again: {log}");
+        assert!(before == files(folder.path()), "{name}: files change");
+    }
+    // Every run is one that the other commands take.
+    let run = "studies/runs/builtin-ablation-info-seed4";
+    assert_eq!(
+        json(&folder.path().join(run).join("config.json"))["preset"],
+        "ablation-info"
+    );
+}
+
+#[test]
+fn what_is_left_of_a_study_is_done_and_what_another_left_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = format!("potential {TINY} --seeds 0,1");
+    let (listed, _) = succeeds(folder.path(), &format!("{args} --list"));
+    assert_eq!(listed.matches("to train").count(), 4, "{listed}");
+    assert!(!folder.path().join("studies").exists());
+    let (report, _) = succeeds(folder.path(), &args);
+
+    let runs = folder.path().join("studies/runs");
+    fs::remove_file(runs.join("builtin-3dgs-seed1/metrics.json")).unwrap();
+    fs::remove_file(runs.join("builtin-paper-seed0/eval.json")).unwrap();
+    let (listed, _) = succeeds(folder.path(), &format!("{args} --list"));
+    let state = |run: &str| {
+        listed
+            .lines()
+            .find(|l| l.contains(run))
+            .expect("the run")
+            .to_owned()
+    };
+    assert!(state("builtin-3dgs-seed1").contains("to train"), "{listed}");
+    assert!(
+        state("builtin-paper-seed0").contains("to measure"),
+        "{listed}"
+    );
+    assert_eq!(listed.matches(" done ").count(), 2, "{listed}");
+    let (again, log) = succeeds(folder.path(), &args);
+    assert_eq!(again, report);
+    assert!(log.contains("4 runs, 2 of them done already"), "{log}");
+
+    // Another config, another scene under the same name, and what is no run.
+    let longer = args.replace("--iterations 3", "--iterations 4");
+    let parts = ["builtin-3dgs-seed0", "`iterations` is 3, not 4", "--out"];
+    fails(folder.path(), &longer, 1, &parts);
+    let larger = args.replace("builtin:32", "builtin:24");
+    fails(folder.path(), &larger, 1, &["its scene is builtin:32"]);
+    fs::remove_dir_all(runs.join("builtin-paper-seed1")).unwrap();
+    fs::create_dir(runs.join("builtin-paper-seed1")).unwrap();
+    fs::write(runs.join("builtin-paper-seed1/notes.txt"), "mine").unwrap();
+    let log = fails(
+        folder.path(),
+        &args,
+        1,
+        &["builtin-paper-seed1", "is not empty"],
+    );
+    assert!(!log.contains("adapter: "), "{log}");
+}
+
+#[test]
+fn a_run_that_fails_keeps_no_other_from_being_done() {
+    let folder = tempfile::tempdir().unwrap();
+    let names = ["a.png", "b.png", "c.png", "d.png", "e.png", "f.png"];
+    let scene = Folder::with_views(&names);
+    scene.write(
+        "sparse/0/points3D_bad.ply",
+        &GOOD_PLY[..GOOD_PLY.len() - 10],
+    );
+    let dir = scene.path().to_str().expect("UTF-8");
+    let args = format!("cloud --scene {dir} --iterations 2 --set views.count=2 --seeds 0");
+    let log = fails(
+        folder.path(),
+        &args,
+        1,
+        &["2 of 12 runs failed", "points3D_bad", "the same command"],
+    );
+    assert_eq!(log.matches(" failed: ").count(), 2, "{log}");
+    let out = folder.path().join("studies");
+    assert!(!out.join("cloud.md").exists());
+    assert_eq!(fs::read_dir(out.join("runs")).unwrap().count(), 10);
+
+    scene.write("sparse/0/points3D_bad.ply", GOOD_PLY);
+    let (report, log) = succeeds(folder.path(), &args);
+    // The others are measured again, as the scene's files have changed, but not trained.
+    assert_eq!(log.matches("adapter: ").count(), 2, "{log}");
+    assert!(report.contains("points3D_bad"), "{report}");
+}
+
+#[test]
+fn figures_are_means_over_scenes_and_seeds() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = format!("sampling {TINY} --seeds 3,5").replace("builtin:32", "builtin:24 copy");
+    // The same views, but as files.
+    let names: Vec<String> = (0..6).map(|i| format!("{i}.png")).collect();
+    let scene = Folder::with_views(&names.iter().map(String::as_str).collect::<Vec<_>>());
+    std::os::unix::fs::symlink(scene.path(), folder.path().join("copy")).unwrap();
+    let (report, _) = succeeds(folder.path(), &args);
+    assert!(report.contains("seeds 3, 5"), "{report}");
+    let data = json(&folder.path().join("studies/sampling.json"));
+    let rows = data["tables"][0]["rows"].as_array().expect("rows").clone();
+    assert_eq!(rows.len(), 15);
+    let scene_name = rows[5]["scene"].as_str().expect("a name").to_owned();
+    let psnr = |scene: &str, seed: u64| -> f64 {
+        let run = format!("studies/runs/{scene}-paper-sphere-uniform-seed{seed}/eval.json");
+        json(&folder.path().join(run))["mean"]["psnr"]
+            .as_f64()
+            .expect("a PSNR")
+    };
+    let row = |scene: &str| {
+        let mut of = rows.iter().filter(|row| row["scene"] == scene);
+        of.find(|row| row["strategy"] == "uniform sphere")
+            .expect("a row")
+            .clone()
+    };
+    let check = |row: Value, [a, b]: [f64; 2]| {
+        let figure = |key: &str| row["psnr"][key].as_f64().expect("a number");
+        assert!((figure("mean") - 0.5 * (a + b)).abs() < 1e-12, "{row}");
+        let spread = (a - b).abs() / 2f64.sqrt();
+        assert!((figure("deviation") - spread).abs() < 1e-12, "{row}");
+    };
+    let own = |scene: &str| [psnr(scene, 3), psnr(scene, 5)];
+    check(row("builtin"), own("builtin"));
+    check(row(&scene_name), own(&scene_name));
+    let both = [3, 5].map(|seed| 0.5 * (psnr("builtin", seed) + psnr(&scene_name, seed)));
+    check(row("mean of 2"), both);
+}
+
+#[test]
+fn lpips_that_is_asked_for_later_is_measured_without_training() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = format!("sampling {TINY} --seeds 0").replace("builtin:32", "builtin:48");
+    let (report, _) = succeeds(folder.path(), &args);
+    assert_eq!(report.matches("n/a").count(), 5, "{report}");
+    let weights = generated(ALEX).bytes();
+    fs::write(folder.path().join("alex.safetensors"), weights).unwrap();
+    let args = args + " --lpips-weights alex.safetensors";
+    let (report, log) = succeeds(folder.path(), &args);
+    assert!(!log.contains("adapter: "), "trains again: {log}");
+    assert!(report.contains("LPIPS is lpips(alex,[0,1])"), "{report}");
+    let data = json(&folder.path().join("studies/sampling.json"));
+    for row in data["tables"][0]["rows"].as_array().expect("rows") {
+        assert!(row["lpips"]["mean"].as_f64() > Some(0.0), "{row}");
+    }
+}
+
+#[test]
+fn slips_on_the_command_line_are_told_before_anything_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    for (args, code, part) in [
+        ("", 2, ""),
+        ("flight", 2, "ablation"),
+        ("ablation --seeds 1,1", 2, "names 1 twice"),
+        ("ablation --seeds", 2, "--seeds"),
+        ("ablation --scene builtin builtin:64", 2, "`builtin`"),
+        (
+            "ablation --set views.cuont=3",
+            2,
+            "did you mean `views.count`?",
+        ),
+        ("ablation --iterations 0", 2, "`iterations` is 0"),
+        ("need --set field.n_candidates=512", 2, "1024"),
+        ("ablation --scene no/scene", 1, "no/scene"),
+    ] {
+        let output = study(folder.path(), args);
+        let log = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{args}: {log}");
+        assert!(log.contains(part), "{args}: {log}");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "{args}");
+    }
+    let output = study(folder.path(), "--help");
+    let help = String::from_utf8_lossy(&output.stdout).into_owned();
+    for name in [
+        "ablation",
+        "cloud",
+        "sampling",
+        "views",
+        "kernel",
+        "potential",
+        "need",
+    ] {
+        assert!(help.contains(name), "no `{name}` in {help}");
+    }
+}

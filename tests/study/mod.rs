@@ -1,0 +1,4 @@
+//! Studies: their statistics, their tables, and small ones from end to end.
+
+mod end_to_end;
+mod figures;
