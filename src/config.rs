@@ -56,6 +56,7 @@ pub struct SceneConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CarveConfig {
+    /// Otherwise the cloud is taken as it is.
     pub enabled: bool,
     /// A point goes where its colour lies further than this, in [0, 1], outside the range of
     /// the photograph's window.
@@ -102,6 +103,7 @@ pub enum Kernel {
 pub struct ViewsConfig {
     /// `K`, number of virtual views; 0 trains without them.
     pub count: usize,
+    /// How they are chosen.
     pub strategy: Strategy,
     /// `epsilon` of the sampling weights `1 / (U_total + epsilon)` and `theta_min + epsilon`.
     pub epsilon: f64,
@@ -134,9 +136,11 @@ pub enum Strategy {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct VisibilityConfig {
+    /// Otherwise weights are the strategy's own.
     pub enabled: bool,
     /// At the point, between the directions to the candidate and to the training camera.
     pub max_angle_deg: f64,
+    /// `power` of the share that multiplies a weight; 0 only drops.
     pub power: f64,
     /// Candidates with a lower share are dropped.
     pub min_share: f64,

@@ -7,6 +7,8 @@ use crate::run::{CurvePoint, ImageLoss, LossSample, Metrics};
 /// Most points of a curve: a sample is of one view and jumps with it, a mean over many does not.
 const MAX_POINTS: usize = 60;
 
+type Measure = fn(&CurvePoint) -> Option<f64>;
+
 /// A run's name, metrics and weight of the SSIM term.
 pub struct Trained<'a> {
     pub name: &'a str,
@@ -21,9 +23,12 @@ pub struct Trained<'a> {
 pub fn plots(runs: &[Trained]) -> Result<Vec<String>> {
     let mut plots = vec![loss(runs).to_svg()?, size(runs).to_svg()?];
     // The test views on the way are measured on request alone.
-    if runs.iter().any(|run| !run.metrics.curve.is_empty()) {
-        plots.push(quality(runs, "PSNR (dB)", |p| p.psnr).to_svg()?);
-        plots.push(quality(runs, "SSIM", |p| p.ssim).to_svg()?);
+    let measures: [(&str, Measure); 2] = [("PSNR (dB)", |p| p.psnr), ("SSIM", |p| p.ssim)];
+    for (name, value) in measures {
+        let points = || runs.iter().flat_map(|run| &run.metrics.curve);
+        if points().any(|p| value(p).is_some()) {
+            plots.push(quality(runs, name, value).to_svg()?);
+        }
     }
     Ok(plots)
 }
@@ -72,7 +77,7 @@ fn size(runs: &[Trained]) -> Plot {
     plot
 }
 
-fn quality(runs: &[Trained], measure: &str, value: fn(&CurvePoint) -> Option<f64>) -> Plot {
+fn quality(runs: &[Trained], measure: &str, value: Measure) -> Plot {
     let mut plot = over_iterations("Test views", measure);
     for run in runs {
         let point = |p: &CurvePoint| Some(Point::new(p.iteration.into(), value(p)?));
