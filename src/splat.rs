@@ -1,4 +1,9 @@
-//! Point splatting: the cloud drawn into a camera as squares, with a mask of what it covers.
+//! Point splatting: the cloud drawn into a camera as squares, with a mask of what it covers, and
+//! the holes between filled from around.
+
+mod fill;
+
+pub use fill::fill_holes;
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;

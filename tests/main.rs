@@ -7,6 +7,7 @@ mod cli;
 mod commands;
 mod config;
 mod field;
+mod fill;
 mod gaussians;
 mod gaussians_ply;
 mod geometry;

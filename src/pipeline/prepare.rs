@@ -1,6 +1,8 @@
 //! Everything between the scene and the first iteration: focus, field, virtual views, their
 //! point splats, and the Gaussians to start from.
 
+use rayon::prelude::*;
+
 use super::{Clock, cameras, focus_of};
 use crate::camera::{Camera, Frame};
 use crate::config::Config;
@@ -9,7 +11,7 @@ use crate::field::{Coverage, Field, fibonacci_sphere};
 use crate::gaussians::Gaussians;
 use crate::run::Seconds;
 use crate::scene::{Image, Scene, thin};
-use crate::splat::{SplatImage, splat_views};
+use crate::splat::{SplatImage, fill_holes, splat_views};
 use crate::train::{Supervision, TrainingView};
 use crate::views::{VirtualView, virtual_views};
 
@@ -42,6 +44,7 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     seconds.sample = Some(clock.lap());
     let near = config.model.near;
     let splats = splat_views(&scene.cloud, &frame, &virtual_cameras, &config.splat, near)?;
+    let goals = virtual_goals(&splats, config.loss.fill_weight);
     seconds.splat = Some(clock.lap());
 
     let n_pixels: usize = scene.train.iter().map(|view| n_pixels(&view.image)).sum();
@@ -49,7 +52,7 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     let cloud = thin(&scene.cloud, n_points, config.seed);
     let start = Gaussians::from_cloud(&cloud, &frame, &config.model)?;
     Ok(Prepared {
-        supervision: supervision(scene, &frame, coverage, &virtual_views, splats),
+        supervision: supervision(scene, &frame, coverage, &virtual_views, goals),
         warnings: focus.fallback.into_iter().collect(),
         frame,
         virtual_cameras,
@@ -63,25 +66,14 @@ fn supervision(
     frame: &Frame,
     coverage: Coverage,
     virtual_views: &[VirtualView],
-    splats: Vec<SplatImage>,
+    goals: Vec<Vec<u32>>,
 ) -> Supervision {
-    let real = scene.train.iter().map(|view| TrainingView {
-        camera: frame.camera_to_canonical(&view.camera),
-        goal: texels(&view.image),
-        n_valid: n_pixels(&view.image),
-        masked: false,
-        weight: 1.0,
+    let real = scene.train.iter().map(|view| {
+        TrainingView::photograph(frame.camera_to_canonical(&view.camera), texels(&view.image))
     });
-    let virtual_views = virtual_views
-        .iter()
-        .zip(splats)
-        .map(|(view, splat)| TrainingView {
-            camera: frame.camera_to_canonical(&view.camera),
-            goal: bytemuck::pod_collect_to_vec(&splat.rgba),
-            n_valid: splat.mask().filter(|&valid| valid).count(),
-            masked: true,
-            weight: view.alpha,
-        });
+    let virtual_views = virtual_views.iter().zip(goals).map(|(view, goal)| {
+        TrainingView::masked(frame.camera_to_canonical(&view.camera), goal, view.alpha)
+    });
     let real: Vec<TrainingView> = real.collect();
     Supervision {
         extent: extent(&real),
@@ -89,6 +81,19 @@ fn supervision(
         virtual_views: virtual_views.collect(),
         coverage,
     }
+}
+
+/// What the virtual views are compared with: the splats, with alpha 255 times the weight of a pixel
+/// as [`TrainingView`] wants it. At a `fill_weight` above 0 their holes are filled.
+fn virtual_goals(splats: &[SplatImage], fill_weight: f64) -> Vec<Vec<u32>> {
+    let weight = (255.0 * fill_weight).round() as u8;
+    splats
+        .par_iter()
+        .map(|splat| match weight {
+            0 => bytemuck::pod_collect_to_vec(&splat.rgba),
+            weight => bytemuck::pod_collect_to_vec(&fill_holes(splat, weight)),
+        })
+        .collect()
 }
 
 /// RGBA8 with alpha 255, red in the lowest byte.

@@ -56,7 +56,7 @@ type Worst = [f64; 3];
 fn hold(
     name: &str,
     (width, height): (usize, usize),
-    mask: Option<&[bool]>,
+    mask: Option<&[u8]>,
     kind: Kind,
     worst: &mut Worst,
 ) {
@@ -81,14 +81,16 @@ fn hold(
         render.push(f64::from(value as f32));
     }
     let target: Vec<f64> = bytes.iter().map(|b| f64::from(*b) / 255.0).collect();
-    let twin = loss::loss(&render, &target, mask, width, height, 0.2);
+    let weights: Option<Vec<f64>> = mask.map(|m| m.iter().map(|a| f64::from(*a) / 255.0).collect());
+    let twin = loss::loss(&render, &target, weights.as_deref(), width, height, 0.2);
     let goal: Vec<u32> = (0..n)
         .map(|p| {
-            let alpha = if mask.is_none_or(|m| m[p]) { 255 } else { 0 };
+            let alpha = mask.map_or(255, |m| m[p]);
             u32::from_le_bytes([bytes[3 * p], bytes[3 * p + 1], bytes[3 * p + 2], alpha])
         })
         .collect();
-    let n_valid = mask.map_or(n, |m| m.iter().filter(|v| **v).count());
+    let n_valid = mask.map_or(n, |m| m.iter().filter(|alpha| **alpha > 0).count());
+    let total = weights.map_or(n as f64, |w| w.iter().sum());
 
     let ctx = context();
     let rig = rig(&ctx, width, height);
@@ -98,7 +100,7 @@ fn hold(
     let planes = [channel(0), channel(1), channel(2), vec![0.5; n]];
     // What lies in the padding must not matter.
     rig.write_planes(&ctx, "rendered", planes.each_ref().map(Vec::as_slice), 7.0);
-    let uniform = LossUniform::new(1.0, 0.2, n_valid, mask.is_some());
+    let uniform = LossUniform::new(1.0, 0.2, total, mask.is_some());
     let [l1, ssim] = rig.loss(&ctx, uniform, &goal);
     let [r, g, b, _] = rig.read_planes(&ctx, "d_rendered");
     let ours: Vec<f64> = (0..n)
@@ -134,10 +136,7 @@ fn hold(
         // The gradient is 0 or hangs on the sign of rounding: bounded is all it can be.
         Kind::Equal | Kind::Black => {
             let largest = ours.iter().fold(0.0f64, |m, d| m.max(d.abs()));
-            assert!(
-                largest <= 1.0 / n_valid as f64,
-                "{name}: gradient {largest}"
-            );
+            assert!(largest <= 1.0 / total, "{name}: gradient {largest}");
             0.0
         }
         _ => assert_held(name, &ours, &twin.d_render, bound),
@@ -172,20 +171,26 @@ fn masked_losses_match_the_twin_at_odd_sizes() {
     for size in SIZES {
         let n = size.0 * size.1;
         let mut random = Random::new(n as u64);
-        let half: Vec<bool> = (0..n).map(|_| random.uniform(0.0, 1.0) < 0.5).collect();
-        let mut one = vec![false; n];
-        one[n / 2] = true;
+        let half: Vec<u8> = (0..n)
+            .map(|_| 255 * random.uniform(0.0, 2.0) as u8)
+            .collect();
+        let mut one = vec![0; n];
+        one[n / 2] = 255;
         let is_kept = |p: usize| {
             let (x, y) = (p % size.0, p / size.0);
             !(x > size.0 / 4 && y > size.1 / 4 && x < size.0 / 2)
         };
-        let hole: Vec<bool> = (0..n).map(is_kept).collect();
+        let hole: Vec<u8> = (0..n).map(|p| 255 * u8::from(is_kept(p))).collect();
+        let filled: Vec<u8> = hole.iter().map(|alpha| (*alpha).max(77)).collect();
+        let any: Vec<u8> = (0..n).map(|_| random.uniform(0.0, 256.0) as u8).collect();
         for (what, mask) in [
             ("half", &half),
             ("one", &one),
             ("hole", &hole),
-            ("full", &vec![true; n]),
-            ("empty", &vec![false; n]),
+            ("filled", &filled),
+            ("any", &any),
+            ("full", &vec![255; n]),
+            ("empty", &vec![0; n]),
         ] {
             for (kind, worst) in [Kind::Noise, Kind::Flat].into_iter().zip(&mut worst) {
                 let name = format!("{what} {kind:?} {size:?}");
