@@ -32,7 +32,8 @@ impl<'a> Pass<'a> {
     ) -> Pass<'a> {
         let capacity = workspace.capacity;
         let (n, pairs) = (model.n as u32, capacity.pairs as u32);
-        view.counts = [n, model.stride as u32, 0, 0];
+        view.counts[0] = n;
+        view.counts[1] = model.stride as u32;
         view.planes[2] = slot as u32;
         let uniforms = &workspace.slots[slot];
         uniforms.view.write(gpu, &[view]);

@@ -5,6 +5,7 @@ mod adam;
 mod bin;
 mod determinism;
 mod dispatch;
+mod dropout;
 mod fixtures;
 mod loss;
 mod project;

@@ -132,7 +132,7 @@ pub fn print(text: &str) {
 }
 
 /// Holds every camera of a case, at its own size and the given ones.
-fn hold_case(name: &str, case: &TwinCase, sizes: &[(usize, usize)], tolerances: (f64, f64)) {
+pub fn hold_case(name: &str, case: &TwinCase, sizes: &[(usize, usize)], tolerances: (f64, f64)) {
     let mut table = table_head();
     for (index, camera) in case.cameras.iter().enumerate() {
         for &(width, height) in sizes {
@@ -157,7 +157,7 @@ fn hold_case(name: &str, case: &TwinCase, sizes: &[(usize, usize)], tolerances: 
     print(&table);
 }
 
-const ORDINARY: (f64, f64) = (tolerance::GPU_IMAGE, tolerance::GPU_GRADIENT);
+pub const ORDINARY: (f64, f64) = (tolerance::GPU_IMAGE, tolerance::GPU_GRADIENT);
 
 #[test]
 fn random_scenes_match_the_twins_at_every_degree_and_odd_sizes() {

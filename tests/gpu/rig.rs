@@ -15,6 +15,7 @@ use gspotential::render::{
 use gspotential::train::optimizer::OptimizerKernels;
 
 use crate::twins::compare::relative_l2;
+use crate::twins::dropout::TwinDropout;
 use crate::twins::model::{TwinCamera, TwinGaussians};
 
 /// The adapter, for one test at a time: memory stays bounded and a fault belongs to its test.
@@ -262,7 +263,13 @@ pub fn camera_of(twin: &TwinCamera) -> Camera {
 }
 
 pub fn view_of(twin: &TwinCamera) -> ViewUniform {
-    ViewUniform::new(&camera_of(twin), twin.near, twin.background)
+    let view = ViewUniform::new(&camera_of(twin), twin.near, twin.background);
+    match twin.dropout {
+        Some(TwinDropout { threshold, key }) => {
+            view.with_dropout(f64::from(threshold) / 2f64.powi(32), key)
+        }
+        None => view,
+    }
 }
 
 pub fn wide(values: &[f32]) -> Vec<f64> {

@@ -6,6 +6,7 @@ pub mod adam;
 pub mod bin;
 pub mod cases;
 pub mod compare;
+pub mod dropout;
 pub mod fixture;
 pub mod linalg;
 pub mod loss;
