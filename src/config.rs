@@ -25,6 +25,7 @@ pub struct Config {
     pub views: ViewsConfig,
     pub splat: SplatConfig,
     pub model: ModelConfig,
+    pub shell: ShellConfig,
     pub loss: LossConfig,
     pub dropout: DropoutConfig,
     pub optimizer: OptimizerConfig,
@@ -95,10 +96,23 @@ pub struct ModelConfig {
     /// Upper bound of the initial scale (3-nearest-neighbour distance) as a multiple of the
     /// median over the cloud: isolated points would fog whole views.
     pub max_initial_scale_ratio: f64,
+    /// That bound holds in training, too.
+    pub bound_scales: bool,
     /// Near plane, in `R`.
     pub near: f64,
     /// Background colour of renders, RGB in [0, 1].
     pub background: [f64; 3],
+}
+
+/// The far shell: large Gaussians on a sphere beyond the scene, a background that lives in the
+/// file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ShellConfig {
+    /// Number of Gaussians; 0: no shell.
+    pub count: usize,
+    /// Distance from the focus, in `R`; more where the cloud reaches farther.
+    pub radius: f64,
 }
 
 /// The image losses.

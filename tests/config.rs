@@ -183,6 +183,8 @@ fn values_out_of_range_are_refused_with_key_and_value() {
         "model.max_initial_scale_ratio=0",
         "model.near=0",
         "model.background=[0, 0, 1.5]",
+        "shell.count=99",
+        "shell.radius=1",
         "loss.ssim_weight=1.01",
         "loss.virtual_weight=-1",
         "loss.fill_weight=1.1",

@@ -18,6 +18,7 @@ mod policy;
 mod report;
 mod run;
 mod scene;
+mod shell;
 mod splat;
 mod twins;
 mod views;

@@ -43,9 +43,12 @@ pub fn train(
     let config = &fitted(config, gpu, start.len())?;
     eprintln!(
         "{} Gaussians from {} points",
-        start.len(),
+        start.len() - config.shell.count,
         scene.cloud.len()
     );
+    if config.shell.count > 0 {
+        eprintln!("{} Gaussians in the far shell", config.shell.count);
+    }
     write_virtual_sheet(run, &supervision.virtual_views)?;
     let all = [cameras(&scene.train), cameras(&scene.test), virtual_cameras].concat();
     write_cameras(&run.cameras(), &all)?;

@@ -38,6 +38,7 @@ pub struct StepUniform {
     pub rates: [[f32; 4]; 4],
     pub betas: [f32; 4],
     pub corrections: [f32; 4],
+    pub limits: [f32; 4],
     pub counts: [u32; 4],
 }
 
@@ -63,6 +64,7 @@ impl StepUniform {
                 o.epsilon as f32,
                 0.0,
             ],
+            limits: [f32::MAX, f32::MAX, 0.0, 0.0],
             counts: [0; 4],
         };
         for (slot, &[x, y, z]) in step.centers.iter_mut().zip(centers) {
@@ -96,6 +98,10 @@ pub struct Optimizer {
     /// `vec4f` a Gaussian: sum of screen gradients, number of views, largest radius, 0.
     statistics: Buffer,
     step: Buffer,
+    /// Gaussians farther from the focus learn colour alone: those of the far shell.
+    pub frozen_beyond: f32,
+    /// Upper bound of the other Gaussians' log scales.
+    pub max_scale_log: f32,
 }
 
 impl Optimizer {
@@ -106,6 +112,8 @@ impl Optimizer {
             second_moment: zeros()?,
             statistics: Buffer::storage::<[f32; 4]>(gpu, "statistics", model.stride)?,
             step: Buffer::uniform::<StepUniform>(gpu, "step"),
+            frozen_beyond: f32::MAX,
+            max_scale_log: f32::MAX,
             model,
         })
     }
@@ -162,6 +170,7 @@ impl Optimizer {
         (mut step, sh_degree): (StepUniform, u32),
     ) {
         step.counts = [self.model.n as u32, self.model.stride as u32, 0, 0];
+        step.limits = [self.frozen_beyond, self.max_scale_log, 0.0, 0.0];
         self.step.write(gpu, &[step]);
         let n = self.model.n as u64;
         let degree = sh_degree as usize;
@@ -170,10 +179,10 @@ impl Optimizer {
         }
     }
 
-    /// Caps every opacity at `opacity` (3DGS's reset).
+    /// Caps every opacity at `opacity` (3DGS's reset), but for frozen Gaussians.
     pub fn reset_opacity(&self, gpu: &Gpu, kernels: &OptimizerKernels, opacity: f64) {
         let logit = (opacity / (1.0 - opacity)).ln() as f32;
-        let ceiling = Buffer::uniform_from(gpu, "ceiling", &[logit, 0.0, 0.0, 0.0]);
+        let ceiling = Buffer::uniform_from(gpu, "ceiling", &[logit, self.frozen_beyond, 0.0, 0.0]);
         let counts = Buffer::uniform_from(gpu, "counts", &[self.model.n as u32, 0, 0, 0]);
         let group = kernels.reset_opacity.bind(
             gpu,

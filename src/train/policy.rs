@@ -58,18 +58,26 @@ enum Reason {
     Anisotropy,
 }
 
-/// Decides after `done` iterations. `extent` is 3DGS's camera extent in the canonical frame.
+/// What the scene decides.
+#[derive(Clone, Copy, Debug)]
+pub struct Surroundings<'a> {
+    pub coverage: &'a Coverage,
+    /// 3DGS's camera extent in the canonical frame.
+    pub extent: f64,
+    /// Gaussians farther from the focus are kept as they are.
+    pub frozen_beyond: f64,
+}
+
+/// Decides after `done` iterations.
 pub fn plan(
     gathered: &Gathered,
     config: &Config,
-    coverage: &Coverage,
-    extent: f64,
+    surroundings: &Surroundings<'_>,
     done: u32,
 ) -> Plan {
     let rules = Rules {
         config,
-        coverage,
-        extent,
+        surroundings,
         done,
     };
     let mut fates: Vec<(Fate, f64)> = (0..gathered.means.len())
@@ -111,29 +119,30 @@ fn limit(fates: &mut [(Fate, f64)], selects: impl Fn(Fate) -> bool, n: usize) {
 
 struct Rules<'a> {
     config: &'a Config,
-    coverage: &'a Coverage,
-    extent: f64,
+    surroundings: &'a Surroundings<'a>,
     done: u32,
 }
 
 impl Rules<'_> {
     /// A Gaussian's fate, and the score by which it is chosen where not all can be.
     fn judge(&self, gathered: &Gathered, i: usize) -> (Fate, f64) {
-        let Rules {
-            config,
+        let Rules { config, done, .. } = *self;
+        let Surroundings {
+            coverage,
             extent,
-            done,
-            ..
-        } = *self;
+            frozen_beyond,
+        } = *self.surroundings;
+        let mean = gathered.means[i].as_dvec3();
+        if mean.length() > frozen_beyond {
+            return (Fate::Keep, 0.0);
+        }
         let densify = &config.densify;
         let scale = gathered.scales_log[i].as_dvec3().exp();
         let [gradient_sum, n_views, radius] = gathered.statistics[i].map(f64::from);
         // Paper: a_i = max(s) / (min(s) + eps), tau_i between tau_min and tau_max by Norm(Q_i).
         let rules = &config.coverage;
         let anisotropy = scale.max_element() / (scale.min_element() + rules.anisotropy_epsilon);
-        let norm_q = self
-            .coverage
-            .norm_q(self.coverage.q(gathered.means[i].as_dvec3()));
+        let norm_q = coverage.norm_q(coverage.q(mean));
         let tau = rules.tau_min + (rules.tau_max - rules.tau_min) * norm_q;
 
         if schedule::densifies(config, done) {

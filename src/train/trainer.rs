@@ -1,8 +1,9 @@
 //! The training loop.
 
 use super::optimizer::{Optimizer, OptimizerKernels, StepUniform};
-use super::policy;
+use super::policy::{self, Surroundings};
 use super::schedule::{self, ViewOrder};
+use super::shell::Shell;
 use crate::camera::Camera;
 use crate::config::Config;
 use crate::error::{Error, Result};
@@ -67,6 +68,17 @@ pub struct Supervision {
     /// 3DGS's camera extent in the canonical frame: 1.1 times the greatest distance of a training
     /// camera from their mean.
     pub extent: f64,
+    /// The far shell, where the Gaussians have one.
+    pub shell: Option<Shell>,
+}
+
+impl Supervision {
+    /// Distance from the focus beyond which Gaussians are the shell's: they learn colour alone and
+    /// neither come nor go.
+    pub fn frozen_beyond(&self) -> f64 {
+        self.shell
+            .map_or(f64::INFINITY, |shell| shell.inner_radius())
+    }
 }
 
 /// Told of the training as it goes.
@@ -155,7 +167,13 @@ impl<'a> Trainer<'a> {
         let all = [real.clone(), virtual_views.clone()].concat();
         let capacity = Capacity::new(model.stride, 12 * model.n.max(1024), &all);
         let optimizer_kernels = OptimizerKernels::new(gpu);
-        let optimizer = Optimizer::new(gpu, model)?;
+        let mut optimizer = Optimizer::new(gpu, model)?;
+        if config.model.bound_scales {
+            let own = start.means.iter().zip(&start.scales_log);
+            let own = own.filter(|(m, _)| f64::from(m.length()) <= supervision.frozen_beyond());
+            optimizer.max_scale_log = own.map(|(_, s)| s.max_element()).fold(f32::MIN, f32::max);
+        }
+        optimizer.frozen_beyond = supervision.frozen_beyond().min(f64::from(f32::MAX)) as f32;
         let workspace = Workspace::new(gpu, capacity, true)?;
         let bound = Bound::new(gpu, kernels, &workspace, &optimizer.model);
         let adam = optimizer.bind(gpu, &optimizer_kernels, &workspace);
@@ -328,8 +346,12 @@ impl<'a> Trainer<'a> {
         let config = self.config;
         if schedule::densifies(config, done) || schedule::prunes_by_coverage(config, done) {
             let gathered = self.optimizer.gather(self.gpu)?;
-            let coverage = &self.supervision.coverage;
-            let plan = policy::plan(&gathered, config, coverage, self.supervision.extent, done);
+            let surroundings = Surroundings {
+                coverage: &self.supervision.coverage,
+                extent: self.supervision.extent,
+                frozen_beyond: self.supervision.frozen_beyond(),
+            };
+            let plan = policy::plan(&gathered, config, &surroundings, done);
             self.optimizer
                 .rearrange(self.gpu, &self.optimizer_kernels, &plan)?;
             let n = self.optimizer.model.n;

@@ -120,12 +120,15 @@ fn a_plan_that_keeps_nothing_leaves_an_empty_set() {
 }
 
 #[test]
-fn opacities_fall_to_the_ceiling_and_their_moments_to_zero() {
+fn opacities_fall_to_the_ceiling_and_their_moments_to_zero_unless_frozen() {
     let ctx = context();
     let gpu = &ctx.gpu;
     let start = gaussians_of(&random_scene(70, 1, 97).gaussians, 1);
-    let optimizer =
+    let mut optimizer =
         Optimizer::new(gpu, Model::upload(gpu, &start, 75).expect("fits")).expect("fits");
+    optimizer.frozen_beyond = 0.7;
+    let is_frozen = |i: usize| start.means[i].length() > 0.7;
+    assert!((10..60).contains(&(0..70).filter(|i| is_frozen(*i)).count()));
     fill(gpu, &optimizer.first_moment, 3);
     fill(gpu, &optimizer.second_moment, 4);
     let download = |m: &Model| m.download(gpu).expect("readable");
@@ -133,15 +136,16 @@ fn opacities_fall_to_the_ceiling_and_their_moments_to_zero() {
     optimizer.reset_opacity(gpu, &ctx.optimizer, 0.3);
     let ceiling = (0.3_f64 / 0.7).ln() as f32;
     let mut expected = start.clone();
-    expected
-        .opacity_logits
-        .iter_mut()
-        .for_each(|o| *o = o.min(ceiling));
+    for i in (0..70).filter(|i| !is_frozen(*i)) {
+        expected.opacity_logits[i] = expected.opacity_logits[i].min(ceiling);
+    }
     assert_ne!(expected, start);
     assert_eq!(download(&optimizer.model), expected);
     let after = [&optimizer.first_moment, &optimizer.second_moment].map(download);
     for (mut before, after) in moments.into_iter().zip(after) {
-        before.opacity_logits.fill(0.0);
+        for i in (0..70).filter(|i| !is_frozen(*i)) {
+            before.opacity_logits[i] = 0.0;
+        }
         assert_eq!(after, before);
     }
 }

@@ -2,7 +2,7 @@
 //! values, bounded parameters and an outcome that makes sense.
 
 mod layouts;
-mod specimens;
+pub mod specimens;
 mod training;
 
 use gspotential::config::Config;
@@ -33,7 +33,7 @@ fn parameters(g: &Gaussians) -> [(&'static str, usize, Vec<f32>); 5] {
 
 /// Trains, and fails where a loss is not finite or beyond its range, a parameter that was finite
 /// no longer is, or one has gone further than Adam's steps can carry it.
-fn survive(
+pub fn survive(
     ctx: &Context,
     name: &str,
     start: &Gaussians,
