@@ -4,62 +4,118 @@ use rayon::prelude::*;
 
 use crate::camera::Frame;
 use crate::config::{Config, ModelConfig};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
 use crate::gpu::Gpu;
-use crate::metrics;
-use crate::render::{Kernels, Model, Renderer, ViewUniform};
-use crate::run::{Evaluation, PointSplatScore, ViewScore, mean};
+use crate::metrics::{self, FloatImage, Lpips, Pixels};
+use crate::render::{Kernels, Model, Rendered, Renderer, ViewUniform};
+use crate::run::{LpipsRecord, MaskedScore, PointSplatScore, Renders, ViewScore, mean};
 use crate::scene::{Image, PointCloud, View};
 use crate::splat::splat_views;
 
-/// Renders Gaussians of the canonical `frame` at `views`, each rounded to 8 bit.
+/// How test views are measured.
+#[derive(Clone, Debug, Default)]
+pub struct EvalOptions {
+    /// Without it LPIPS is not measured.
+    pub lpips: Option<Lpips>,
+    pub renders: Renders,
+}
+
+impl EvalOptions {
+    /// Refuses views that cannot be measured so, before anything takes time.
+    pub fn check(&self, views: &[View]) -> Result<()> {
+        let Some(lpips) = &self.lpips else {
+            return Ok(());
+        };
+        views.iter().try_for_each(|view| {
+            lpips
+                .check_size(view.image.width, view.image.height)
+                .map_err(|e| e.at(format!("test view `{}`", view.camera.name)))
+        })
+    }
+
+    /// Which LPIPS this is, for the record.
+    pub fn lpips_record(&self) -> Option<LpipsRecord> {
+        self.lpips.as_ref().map(|lpips| LpipsRecord {
+            net: lpips.net(),
+            range: lpips.range(),
+            weights_sha256: lpips.sha256().to_owned(),
+        })
+    }
+}
+
+/// Renders Gaussians of the canonical `frame` at `views` and hands each render to `look`.
 ///
 /// # Errors
-/// A view that the adapter cannot hold, or a GPU fault.
+/// A view that the adapter cannot hold, a GPU fault, or what `look` returns.
 pub fn render_views(
-    gpu: &Gpu,
-    kernels: &Kernels,
+    (gpu, kernels): (&Gpu, &Kernels),
     gaussians: &Gaussians,
     frame: &Frame,
     views: &[View],
     config: &ModelConfig,
-) -> Result<Vec<Image>> {
+    mut look: impl FnMut(&View, &Rendered) -> Result<()>,
+) -> Result<()> {
     let model = Model::upload(gpu, gaussians, gaussians.len())?;
     let mut renderer = Renderer::new(gpu, kernels);
-    views
-        .iter()
-        .map(|view| {
-            let camera = frame.camera_to_canonical(&view.camera);
-            let uniform = ViewUniform::new(&camera, config.near, config.background);
-            let rendered = renderer
-                .render(&model, &uniform)
-                .map_err(|e| e.at(&camera.name))?;
-            metrics::quantize(rendered.width, rendered.height, &rendered.rgb)
-        })
-        .collect()
+    views.iter().try_for_each(|view| {
+        let camera = frame.camera_to_canonical(&view.camera);
+        let uniform = ViewUniform::new(&camera, config.near, config.background);
+        let rendered = renderer
+            .render(&model, &uniform)
+            .map_err(|e| e.at(&camera.name))?;
+        look(view, &rendered)
+    })
 }
 
-/// PSNR and SSIM of each render against its view's photograph.
-pub fn score(
-    renders: &[Image],
-    views: &[View],
-    n_gaussians: usize,
-    train_s: Option<f64>,
-) -> Result<Evaluation> {
-    let scores: Result<Vec<ViewScore>> = renders
-        .par_iter()
-        .zip(views)
-        .map(|(render, view)| {
-            Ok(ViewScore {
-                name: view.camera.name.clone(),
-                psnr: Some(metrics::psnr(render, &view.image)?),
-                ssim: Some(metrics::ssim(render, &view.image)?),
-                lpips: None,
-            })
-        })
-        .collect();
-    Ok(Evaluation::new(scores?, n_gaussians, train_s))
+/// Errors of a render against its view's photograph, over all pixels and over the mask.
+pub fn score(rendered: &Rendered, view: &View, options: &EvalOptions) -> Result<ViewScore> {
+    let &Rendered { width, height, .. } = rendered;
+    let rgb = &rendered.rgb;
+    let score = match options.renders {
+        Renders::Rounded => {
+            let image = metrics::quantize(width, height, rgb)?;
+            score_image(&image, view, options.lpips.as_ref())
+        }
+        Renders::Float => {
+            let image = FloatImage { width, height, rgb };
+            score_image(&image, view, options.lpips.as_ref())
+        }
+    };
+    score.map_err(|e: Error| e.at(&view.camera.name))
+}
+
+fn score_image(render: &impl Pixels, view: &View, lpips: Option<&Lpips>) -> Result<ViewScore> {
+    let truth = &view.image;
+    Ok(ViewScore {
+        name: view.camera.name.clone(),
+        psnr: Some(metrics::psnr(render, truth)?),
+        ssim: Some(metrics::ssim(render, truth)?),
+        lpips: lpips.map(|l| l.distance(render, truth)).transpose()?,
+        masked: match &view.mask {
+            Some(mask) => score_masked(render, truth, mask, lpips)?,
+            None => None,
+        },
+    })
+}
+
+/// An empty mask has no errors.
+fn score_masked(
+    render: &impl Pixels,
+    truth: &Image,
+    mask: &[bool],
+    lpips: Option<&Lpips>,
+) -> Result<Option<MaskedScore>> {
+    let Some(psnr) = metrics::masked_psnr(render, truth, mask)? else {
+        return Ok(None);
+    };
+    let lpips = lpips.map(|l| l.masked_distance(render, truth, mask));
+    Ok(Some(MaskedScore {
+        psnr: Some(psnr),
+        ssim: metrics::masked_ssim(render, truth, mask)?,
+        lpips: lpips.transpose()?.flatten(),
+        coverage: mask.iter().filter(|&&set| set).count() as f64 / mask.len() as f64,
+    }))
 }
 
 /// Errors of the bare point splat of a cloud at `views`, splatted as the virtual views are.

@@ -2,7 +2,7 @@
 //!
 //! Data flows one way: [`scene`] -> [`field`] -> [`views`] -> [`splat`] -> [`render`] ->
 //! [`train`] -> [`eval`] -> [`report`]; [`gpu`], [`config`], [`camera`], [`gaussians`],
-//! [`progress`], [`run`] and [`error`] lie beneath. [`metrics`] measures images for [`eval`],
+//! [`progress`], [`digest`], [`run`] and [`error`] lie beneath. [`metrics`] measures images for [`eval`],
 //! [`pipeline`] calls the stages in a row, and [`cli`] is the commands on top.
 //!
 //! Frames and units: the scene's own frame is that of its camera poses (world-to-camera, +z
@@ -13,6 +13,7 @@ pub mod camera;
 pub mod cameras_json;
 pub mod cli;
 pub mod config;
+pub mod digest;
 pub mod error;
 pub mod eval;
 pub mod field;

@@ -1,10 +1,17 @@
-//! What a run shows: image files, contact sheets and tables.
+//! What a run shows: image files, contact sheets, tables and plots.
 
+mod comparison;
+mod evaluation;
+mod export;
+pub mod plot;
 mod sheet;
 mod table;
 
+pub use comparison::{Block, ComparedRun, Comparison, Figure, Row, check_protocols};
+pub use evaluation::evaluation_table;
+pub use export::{runs_csv, runs_json};
 pub use sheet::{ContactSheet, mask_image};
-pub use table::{Table, evaluation_table};
+pub use table::Table;
 
 use std::io::Cursor;
 use std::path::Path;

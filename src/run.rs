@@ -10,13 +10,18 @@
 //! test/            one PNG a test view; contact_sheet.png: renders beside photographs
 //! ```
 
+mod evaluation;
 mod names;
 mod record;
 
+pub use evaluation::{
+    Evaluation, LpipsRecord, MaskedMean, MaskedScore, Mean, Measured, PointSplatScore, Renders,
+    ViewScore, mean,
+};
 pub use names::file_names;
 pub use record::{
-    Evaluation, ImageLoss, LossSample, Mean, Memory, Metrics, ModelSize, PlanCounts,
-    PointSplatScore, PoseProtocol, SceneRecord, Seconds, ViewScore, mean, peak_host_bytes,
+    ImageLoss, LossSample, Memory, Metrics, ModelSize, PlanCounts, PoseProtocol, SceneRecord,
+    Seconds, peak_host_bytes,
 };
 
 use std::path::{Path, PathBuf};
@@ -82,7 +87,7 @@ impl RunDir {
         };
         create_dir(root)?;
         // First of all: what is left of an interrupted start is then known as a run.
-        write_file(&run.root.join("config.json"), config.to_json()?.as_bytes())?;
+        write_file(&run.config_file(), config.to_json()?.as_bytes())?;
         for name in FILES {
             remove(&run.root.join(name), |path| std::fs::remove_file(path))?;
         }
@@ -141,9 +146,14 @@ impl RunDir {
         self.root.join("test")
     }
 
+    /// The file of the resolved config that the run was trained with.
+    pub fn config_file(&self) -> PathBuf {
+        self.root.join("config.json")
+    }
+
     /// The resolved config that the run was trained with.
     pub fn config(&self) -> Result<Config> {
-        Config::from_file(&self.root.join("config.json"))
+        Config::from_file(&self.config_file())
     }
 
     pub fn write_metrics(&self, metrics: &Metrics) -> Result<()> {
@@ -159,7 +169,8 @@ impl RunDir {
     }
 
     pub fn evaluation(&self) -> Result<Evaluation> {
-        self.read_json("eval.json")
+        let evaluation: Evaluation = self.read_json("eval.json")?;
+        Ok(evaluation.with_infinities())
     }
 
     fn write_json(&self, name: &str, value: &impl Serialize) -> Result<()> {

@@ -6,15 +6,16 @@ use std::path::{Path, PathBuf};
 /// The modules from the ground up; the flow of data from `scene` to `report` in its order.
 const ORDER: &[&str] = &[
     "error",
+    "digest",
     "camera",
     "config",
     "progress",
-    "run",
     "scene",
     "gaussians",
     "cameras_json",
     "gpu",
     "metrics",
+    "run",
     "field",
     "views",
     "splat",

@@ -3,6 +3,10 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
+use gspotential::config::Config;
+use gspotential::run::{Memory, Metrics, PoseProtocol, RunDir, SceneRecord, Seconds};
+
+use crate::metrics::lpips_reference::{ALEX, generated};
 use crate::scene::build::{Folder, GOOD_PLY};
 
 fn run(folder: &Path, args: &[&str]) -> Output {
@@ -64,10 +68,28 @@ fn every_help_explains_its_options_and_gives_examples() {
                 "--seed",
                 "--train-views",
                 "--overwrite",
+                "--lpips-weights",
+                "--lpips-range",
+                "--float-renders",
                 "[default: builtin]",
             ],
         ),
-        (&["eval", "--help"], &["<RUN>...", "eval.json"]),
+        (
+            &["eval", "--help"],
+            &[
+                "<RUN>...",
+                "eval.json",
+                "--lpips-weights",
+                "--lpips-range",
+                "[default: 0,1]",
+                "--float-renders",
+                "--again",
+                "--json",
+                "--csv",
+                "--overwrite",
+                "lpips.LPIPS(net='vgg')",
+            ],
+        ),
         (
             &["render", "--help"],
             &[
@@ -102,6 +124,9 @@ fn usage_errors_exit_with_2() {
         &["train", "--scene", "builtin:wide"],
         &["train", "--scene", "builtin:0"],
         &["eval"],
+        &["eval", "a", "--lpips-range", "-1,1"],
+        &["eval", "a", "--lpips-weights", "b", "--lpips-range", "0,2"],
+        &["train", "--lpips-range", "0,1"],
         &["render", "--model", "a.ply", "--out", "b"],
         &[
             "render",
@@ -175,6 +200,96 @@ fn missing_files_exit_with_1_and_are_named() {
         "render", "--model", "a.ply", "--scene", "no/scene", "--out", "b",
     ];
     assert_fails(&args, 1, &["no/scene"]);
+}
+
+#[test]
+fn eval_refuses_before_it_renders() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let config = Config::preset("paper").unwrap();
+    for (name, protocol) in [
+        ("a", PoseProtocol::SharedFrame),
+        ("b", PoseProtocol::SharedFrame),
+        ("fitted", PoseProtocol::TestPoseFit),
+    ] {
+        let run = RunDir::create(&at(name), &config, false).unwrap();
+        run.write_metrics(&metrics(protocol)).unwrap();
+        std::fs::write(run.point_cloud(), "").unwrap();
+    }
+    std::fs::write(at("there.json"), "precious").unwrap();
+    std::fs::create_dir(at("folder")).unwrap();
+    for (args, code, parts) in [
+        ("a a", 2, &["a: is named twice"][..]),
+        ("a ./a", 2, &["named twice"]),
+        ("a fitted", 1, &["`a`", "`fitted`", "table of their own"]),
+        ("fitted", 1, &["fitted: ", "cannot do again"]),
+        ("a --json there.json", 1, &["there.json", "--overwrite"]),
+        ("a --csv there.json", 1, &["there.json", "--overwrite"]),
+        ("a --json folder", 2, &["folder: is a folder"]),
+        ("a --json none/x.json", 1, &["none/x.json"]),
+        ("a --json x --csv x", 2, &["the same file"]),
+        (
+            "a --lpips-weights no.safetensors",
+            1,
+            &["no.safetensors: cannot read"],
+        ),
+        (
+            "a --lpips-weights there.json",
+            1,
+            &["there.json", "safetensors file", "lpips.LPIPS"],
+        ),
+    ] {
+        let args: Vec<&str> = ["eval"].into_iter().chain(args.split(' ')).collect();
+        assert_fails_in(folder.path(), &args, code, parts);
+    }
+    assert_eq!(
+        std::fs::read_to_string(at("there.json")).unwrap(),
+        "precious"
+    );
+    assert!(!at("x").exists());
+}
+
+fn metrics(pose_protocol: PoseProtocol) -> Metrics {
+    Metrics {
+        version: "1".into(),
+        adapter: "none".into(),
+        seed: 0,
+        iterations: 1,
+        scene: SceneRecord {
+            source: "builtin:16".into(),
+            name: "builtin".into(),
+            train_views: Vec::new(),
+            test_views: Vec::new(),
+            n_points: 0,
+            pose_protocol,
+        },
+        seconds: Seconds::default(),
+        memory: Memory::default(),
+        loss: Vec::new(),
+        model_size: Vec::new(),
+    }
+}
+
+#[test]
+fn images_too_small_for_lpips_are_refused_before_training() {
+    let folder = tempfile::tempdir().unwrap();
+    let weights = generated(ALEX).bytes();
+    std::fs::write(folder.path().join("w.safetensors"), weights).unwrap();
+    let args = [
+        "train",
+        "--scene",
+        "builtin:40",
+        "--lpips-weights",
+        "w.safetensors",
+    ];
+    assert_fails_in(
+        folder.path(),
+        &args,
+        1,
+        &["test view", "40x26", "31 pixels a side"],
+    );
+    // Else the same command with larger images would be refused.
+    assert!(!folder.path().join("runs").exists());
 }
 
 #[test]

@@ -4,6 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use crate::metrics::lpips_reference::{ALEX, generated};
+
 fn run(folder: &Path, args: &[&str]) -> Output {
     let output = Command::new(env!("CARGO_BIN_EXE_gspotential"))
         .args(args)
@@ -128,4 +130,205 @@ fn a_run_that_was_cut_short_is_no_run_to_evaluate() {
         line.starts_with("error: ") && line.contains("metrics.json"),
         "{line}"
     );
+}
+
+/// Trains a tiny scene into `out`.
+fn train(folder: &Path, out: &str, rest: &str) {
+    let args = format!(
+        "train --scene builtin:48 --iterations 2 --set views.count=6 --set scene.n_test=2 \
+         --max-points 60 --out {out} {rest}"
+    );
+    run(folder, &args.split_whitespace().collect::<Vec<_>>());
+}
+
+fn eval(folder: &Path, args: &str) -> (String, String) {
+    let args = format!("eval {args}");
+    let output = run(folder, &args.split_whitespace().collect::<Vec<_>>());
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (text(output.stdout), text(output.stderr))
+}
+
+#[test]
+fn lpips_is_measured_where_there_are_weights_and_is_never_zero_without() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let weights = generated(ALEX).bytes();
+    fs::write(folder.join("alex.safetensors"), weights).unwrap();
+    train(folder, "run", "--lpips-weights alex.safetensors");
+    let evaluation = json(&folder.join("run/eval.json"));
+    assert_eq!(evaluation["measured"]["lpips"]["net"], "alex");
+    assert_eq!(evaluation["measured"]["lpips"]["range"], "0,1");
+    let unit = evaluation["mean"]["lpips"].as_f64().expect("a distance");
+    assert!(unit > 0.01, "{unit}");
+
+    // What was measured is shown, also where it is not asked for.
+    let (table, log) = eval(folder, "run");
+    assert!(
+        table.contains("lpips(alex,[0,1])") && !table.contains("n/a"),
+        "{table}"
+    );
+    assert!(!log.contains("measuring"), "{log}");
+    // What was not is measured, and nothing else is lost.
+    let signed = "run --lpips-weights alex.safetensors --lpips-range -1,1";
+    let (table, log) = eval(folder, signed);
+    assert!(
+        table.contains("lpips(alex,[-1,1])") && log.contains("measuring run"),
+        "{table}"
+    );
+    let measured = json(&folder.join("run/eval.json"));
+    assert_ne!(measured["mean"]["lpips"].as_f64(), Some(unit));
+    assert_eq!(measured["mean"]["psnr"], evaluation["mean"]["psnr"]);
+    assert!(!eval(folder, signed).1.contains("measuring"));
+
+    let (table, log) = eval(folder, "run --float-renders");
+    assert!(
+        log.contains("measuring run") && table.contains("not rounded"),
+        "{table}"
+    );
+    assert!(
+        table.contains("| n/a |") && table.contains("lpips.LPIPS(net='vgg')"),
+        "{table}"
+    );
+    let floats = json(&folder.join("run/eval.json"));
+    assert!(floats["mean"]["lpips"].is_null());
+    assert_ne!(floats["mean"]["psnr"], evaluation["mean"]["psnr"]);
+}
+
+#[test]
+fn runs_are_compared_in_one_table_and_measured_again_only_where_something_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    train(folder, "a", "");
+    train(folder, "b", "--preset 3dgs --seed 1");
+    let (table, log) = eval(folder, "a b --json runs.json --csv runs.csv");
+    assert!(!log.contains("measuring"), "{log}");
+    for part in [
+        "builtin (48x32, 2 test views)",
+        "| paper (views.count=6) |",
+        "2 iterations",
+    ] {
+        assert!(table.contains(part), "no `{part}` in:\n{table}");
+    }
+    let runs = json(&folder.join("runs.json"));
+    assert_eq!(runs["runs"][1]["preset"], "3dgs");
+    assert_eq!(
+        fs::read_to_string(folder.join("runs.csv"))
+            .unwrap()
+            .lines()
+            .count(),
+        3
+    );
+    // A second look is the same, and files are kept unless they may be replaced.
+    assert_eq!(eval(folder, "a b --json runs.json --overwrite").0, table);
+
+    assert!(eval(folder, "a --again").1.contains("measuring a"));
+    type Edit = (&'static str, fn(&Path));
+    let edits: [Edit; 4] = [
+        ("point_cloud.ply", |path| {
+            let mut bytes = fs::read(path).unwrap();
+            *bytes.last_mut().unwrap() ^= 1;
+            fs::write(path, bytes).unwrap();
+        }),
+        ("config.json", |path| {
+            let text = fs::read_to_string(path).unwrap();
+            fs::write(path, text.replace("\"near\": 0.01", "\"near\": 0.02") + " ").unwrap();
+        }),
+        ("eval.json", |path| fs::write(path, "{}").unwrap()),
+        ("eval.json", |path| fs::remove_file(path).unwrap()),
+    ];
+    for (file, edit) in edits {
+        edit(&folder.join("a").join(file));
+        let (_, log) = eval(folder, "a b");
+        assert!(
+            log.contains("measuring a") && !log.contains("measuring b"),
+            "{file}: {log}"
+        );
+        assert!(!eval(folder, "a b").1.contains("measuring"), "{file}");
+    }
+}
+
+#[test]
+fn masks_that_are_drawn_after_training_are_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    write_posed_scene(&folder.join("scene"));
+    let args = "train --scene scene --preset 3dgs --iterations 2 --out run \
+                --train-views view_0.png,view_1.png";
+    run(folder, &args.split_whitespace().collect::<Vec<_>>());
+    assert!(!eval(folder, "run").0.contains("masked"));
+    let mask = image::GrayImage::from_fn(40, 32, |x, _| image::Luma([255 * u8::from(x < 20)]));
+    fs::create_dir(folder.join("scene/masks")).unwrap();
+    mask.save(folder.join("scene/masks/view_2.png.png"))
+        .unwrap();
+    let (table, log) = eval(folder, "run");
+    assert!(log.contains("measuring run"), "{log}");
+    assert!(
+        table.contains("masked PSNR dB") && table.contains("1 of 2 views"),
+        "{table}"
+    );
+    let evaluation = json(&folder.join("run/eval.json"));
+    assert_eq!(evaluation["views"][0]["masked"]["coverage"], 0.5);
+    assert!(evaluation["views"][1]["masked"].is_null());
+    // A scene that is gone cannot be measured again, but what was is still there.
+    fs::rename(folder.join("scene"), folder.join("elsewhere")).unwrap();
+    assert_eq!(eval(folder, "run").0, table);
+}
+
+/// Four photographs of the built-in scene with their poses and cloud.
+fn write_posed_scene(dir: &Path) {
+    let scene = gspotential::scene::builtin::scene(&gspotential::scene::builtin::BuiltinOptions {
+        width: 48,
+        n_test: 0,
+        pixel_step: 4,
+        ..Default::default()
+    });
+    fs::create_dir_all(dir.join("images")).unwrap();
+    fs::create_dir_all(dir.join("sparse/0")).unwrap();
+    let mut cameras = String::new();
+    let mut images = String::new();
+    for (i, view) in scene.train.iter().enumerate() {
+        let camera = view.camera.resized(40, 32);
+        cameras += &format!(
+            "{} PINHOLE 40 32 {} {} {} {}\n",
+            i + 1,
+            camera.fx,
+            camera.fy,
+            camera.cx,
+            camera.cy
+        );
+        let q = glam::DQuat::from_mat3(&camera.rotation);
+        let t = camera.translation;
+        images += &format!(
+            "{} {} {} {} {} {} {} {} {} view_{i}.png\n\n",
+            i + 1,
+            q.w,
+            q.x,
+            q.y,
+            q.z,
+            t.x,
+            t.y,
+            t.z,
+            i + 1
+        );
+        let picture: image::RgbImage =
+            image::ImageBuffer::from_raw(48, 32, view.image.rgb.clone()).unwrap();
+        let picture =
+            image::imageops::resize(&picture, 40, 32, image::imageops::FilterType::Triangle);
+        picture
+            .save(dir.join(format!("images/view_{i}.png")))
+            .unwrap();
+    }
+    fs::write(dir.join("sparse/0/cameras.txt"), cameras).unwrap();
+    fs::write(dir.join("sparse/0/images.txt"), images).unwrap();
+    let points = scene.cloud.positions.iter().zip(&scene.cloud.colors);
+    let points: String = points
+        .map(|(p, c)| format!("{} {} {} {} {} {}\n", p.x, p.y, p.z, c[0], c[1], c[2]))
+        .collect();
+    let header = format!(
+        "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\n\
+         property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n\
+         end_header\n",
+        scene.cloud.len()
+    );
+    fs::write(dir.join("sparse/0/points3D.ply"), header + &points).unwrap();
 }

@@ -246,3 +246,22 @@ fn values_that_are_no_number_are_refused() {
         }
     }
 }
+
+#[test]
+fn changes_are_the_values_that_differ_from_the_preset() {
+    for (preset, _) in PRESETS {
+        let config = Config::preset(preset).unwrap();
+        assert!(config.changes().unwrap().is_empty());
+        assert!(config.set("seed=9").unwrap().changes().unwrap().is_empty());
+    }
+    let mut config = Config::preset("paper").unwrap();
+    for setting in ["views.count=8", "iterations=500", "scene.max_points=90"] {
+        config = config.set(setting).unwrap();
+    }
+    let changes = config.changes().unwrap();
+    let shown: Vec<String> = changes.iter().map(|(k, v)| format!("{k}={v}")).collect();
+    assert_eq!(
+        shown,
+        ["iterations=500", "scene.max_points=90", "views.count=8"]
+    );
+}

@@ -4,8 +4,8 @@ use std::fs;
 
 use gspotential::config::Config;
 use gspotential::run::{
-    Evaluation, ImageLoss, LossSample, Memory, Metrics, ModelSize, PoseProtocol, RunDir,
-    SceneRecord, Seconds, ViewScore, file_names, peak_host_bytes,
+    Evaluation, ImageLoss, LossSample, MaskedScore, Memory, Metrics, ModelSize, PoseProtocol,
+    RunDir, SceneRecord, Seconds, ViewScore, file_names, peak_host_bytes,
 };
 use serde_json::Value;
 
@@ -19,6 +19,7 @@ fn view(name: &str, psnr: f64, ssim: f64) -> ViewScore {
         psnr: Some(psnr),
         ssim: Some(ssim),
         lpips: None,
+        masked: None,
     }
 }
 
@@ -108,15 +109,85 @@ fn evaluation_has_the_mean_of_the_views_values_and_null_for_the_rest() {
         serde_json::json!({
             "mean": {"psnr": 15.0, "ssim": 0.5, "lpips": null},
             "views": [
-                {"name": "a", "psnr": 10.0, "ssim": 0.25, "lpips": null},
-                {"name": "b", "psnr": 20.0, "ssim": 0.75, "lpips": null},
+                {"name": "a", "psnr": 10.0, "ssim": 0.25, "lpips": null, "masked": null},
+                {"name": "b", "psnr": 20.0, "ssim": 0.75, "lpips": null, "masked": null},
             ],
             "n_gaussians": 42,
             "train_s": 1.5,
             "point_splat": null,
+            "mean_masked": null,
+            "measured": null,
         })
     );
     assert!(Evaluation::new(Vec::new(), 1, None).mean.psnr.is_none());
+}
+
+#[test]
+fn an_evaluation_of_an_older_version_can_be_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = RunDir::create(folder.path(), &config(), false).unwrap();
+    let text = r#"{"mean": {"psnr": 15.0, "ssim": 0.5, "lpips": null},
+        "views": [{"name": "a", "psnr": 15.0, "ssim": 0.5, "lpips": null}],
+        "n_gaussians": 42, "train_s": 1.5, "point_splat": null}"#;
+    fs::write(folder.path().join("eval.json"), text).unwrap();
+    let evaluation = run.evaluation().unwrap();
+    assert_eq!(evaluation.mean.psnr, Some(15.0));
+    assert!(evaluation.measured.is_none() && evaluation.views[0].masked.is_none());
+}
+
+#[test]
+fn an_infinite_psnr_is_infinite_again_when_it_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = RunDir::create(folder.path(), &config(), false).unwrap();
+    let mut views = vec![view("a", f64::INFINITY, 1.0), view("b", 20.0, 0.75)];
+    views[1].masked = Some(MaskedScore {
+        psnr: Some(f64::INFINITY),
+        ssim: Some(1.0),
+        lpips: None,
+        coverage: 0.5,
+    });
+    let evaluation = Evaluation::new(views, 42, None);
+    run.write_evaluation(&evaluation).unwrap();
+    assert_eq!(run.evaluation().unwrap(), evaluation);
+}
+
+#[test]
+fn masked_means_are_over_the_views_that_have_a_mask() {
+    let mut views = vec![
+        view("a", 10.0, 0.5),
+        view("b", 20.0, 0.75),
+        view("c", 30.0, 1.0),
+    ];
+    for (i, psnr) in [(0, 12.0), (2, 16.0)] {
+        views[i].masked = Some(MaskedScore {
+            psnr: Some(psnr),
+            ssim: Some(0.25),
+            lpips: (i == 0).then_some(0.5),
+            coverage: 0.5,
+        });
+    }
+    let masked = Evaluation::new(views, 1, None).mean_masked.unwrap();
+    assert_eq!((masked.n_views, masked.mean.psnr), (2, Some(14.0)));
+    // One of them lacks it.
+    assert_eq!(masked.mean.lpips, None);
+    assert!(
+        Evaluation::new(vec![view("a", 1.0, 1.0)], 1, None)
+            .mean_masked
+            .is_none()
+    );
+}
+
+#[test]
+fn time_to_the_model_is_without_evaluation() {
+    let seconds = Seconds {
+        load: Some(1.0),
+        splat: Some(2.0),
+        train: Some(4.0),
+        eval: Some(8.0),
+        ..Seconds::default()
+    };
+    assert_eq!(seconds.to_model(), Some(7.0));
+    assert_eq!(Seconds::default().to_model(), None);
 }
 
 #[test]

@@ -1,44 +1,147 @@
 //! `gspotential eval`
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use crate::error::Result;
+use super::measure::MeasureArgs;
+use crate::error::{Error, Result, write_file};
+use crate::eval::EvalOptions;
 use crate::pipeline;
-use crate::report::evaluation_table;
+use crate::report::{
+    ComparedRun, Comparison, check_protocols, evaluation_table, runs_csv, runs_json,
+};
 use crate::run::RunDir;
 
 const EXAMPLES: &str = "\
 Examples:
   gspotential eval runs/garden
-  gspotential eval runs/* > tables.md
+  gspotential eval runs/* --lpips-weights lpips_vgg.safetensors --csv runs.csv > table.md
 
-PSNR and SSIM are 3DGS's, on renders rounded to 8 bit. n/a: not measured.";
+A run is rendered and measured unless its eval.json is that of its model, config and scene as they
+are, of this version, and has what is asked for. PSNR and SSIM are 3DGS's. n/a: not measured.
 
-/// Render the test views of runs and print their errors as Markdown tables
+LPIPS needs the weights of its net, a file that is made once, with PyTorch:
+  python -c \"import lpips, safetensors.torch as s; s.save_file({k: v.clone() for k, v in
+    lpips.LPIPS(net='vgg').state_dict().items()}, 'lpips_vgg.safetensors')\"";
+
+/// Measure runs at their test views and print a Markdown table
 ///
-/// Each run's figures go to its eval.json, too, and the renders to its test/.
+/// Of one run, the table has every test view; of several, it compares their means by scene and
+/// method. Each run's figures go to its eval.json, too, and the renders to its test/.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub struct EvalArgs {
     /// Run directories that `gspotential train` wrote
     #[arg(value_name = "RUN", required = true)]
     runs: Vec<PathBuf>,
+
+    #[command(flatten)]
+    measure: MeasureArgs,
+
+    /// Measure again even what is up to date
+    #[arg(long)]
+    again: bool,
+
+    /// Write everything that is known of the runs as JSON, too
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+
+    /// Write a line a run as CSV, too
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+
+    /// Replace the files of --json and --csv
+    #[arg(long)]
+    overwrite: bool,
 }
 
 impl EvalArgs {
     pub fn run(self) -> Result<()> {
-        // All are opened before the first is rendered: a slip in the last name shows at once.
-        let runs = self
-            .runs
-            .iter()
-            .map(|root| RunDir::open(root))
-            .collect::<Result<Vec<_>>>()?;
+        // Whatever can be refused is, before the first run is rendered.
+        let runs = self.open_runs()?;
+        self.check_outputs()?;
+        let options = self.measure.options()?;
+        let mut compared = Vec::with_capacity(runs.len());
         for run in &runs {
-            let evaluation = pipeline::evaluate(run)?;
-            super::print(&format!("{}\n", evaluation_table(&run.name(), &evaluation)))?;
+            let evaluation = match self.at_hand(run, &options)? {
+                Some(evaluation) => evaluation,
+                None => {
+                    eprintln!("measuring {}", run.root().display());
+                    pipeline::evaluate(run, &options)?
+                }
+            };
+            compared.push(ComparedRun::new(run, evaluation)?);
+        }
+        let table = match compared.as_slice() {
+            [only] => evaluation_table(only.name(), &only.evaluation),
+            several => Comparison::new(several)?.to_string(),
+        };
+        super::print(&table)?;
+        if let Some(path) = &self.json {
+            write_file(path, &runs_json(&compared)?)?;
+        }
+        if let Some(path) = &self.csv {
+            write_file(path, &runs_csv(&compared)?)?;
         }
         Ok(())
+    }
+
+    fn at_hand(
+        &self,
+        run: &RunDir,
+        options: &EvalOptions,
+    ) -> Result<Option<crate::run::Evaluation>> {
+        if self.again {
+            return Ok(None);
+        }
+        pipeline::evaluation_at_hand(run, options)
+    }
+
+    fn open_runs(&self) -> Result<Vec<RunDir>> {
+        let mut runs = Vec::with_capacity(self.runs.len());
+        let mut protocols = Vec::with_capacity(self.runs.len());
+        let mut seen = Vec::with_capacity(self.runs.len());
+        for root in &self.runs {
+            let run = RunDir::open(root)?;
+            let full = root.canonicalize().unwrap_or_else(|_| root.clone());
+            if seen.contains(&full) {
+                return Err(Error::usage("is named twice").at_path(root));
+            }
+            seen.push(full);
+            protocols.push((run.name(), run.metrics()?.scene.pose_protocol));
+            runs.push(run);
+        }
+        check_protocols(protocols.iter().map(|(name, p)| (name.as_str(), *p)))?;
+        Ok(runs)
+    }
+
+    fn check_outputs(&self) -> Result<()> {
+        if self.json.is_some() && self.json == self.csv {
+            return Err(Error::usage("--json and --csv name the same file"));
+        }
+        let outputs = [&self.json, &self.csv];
+        outputs
+            .into_iter()
+            .flatten()
+            .try_for_each(|path| check_output(path, self.overwrite))
+    }
+}
+
+fn check_output(path: &Path, overwrite: bool) -> Result<()> {
+    if path.is_dir() {
+        return Err(Error::usage("is a folder").at_path(path));
+    }
+    if path.exists() && !overwrite {
+        return Err(Error::new("is there already")
+            .at_path(path)
+            .way_out("name another file, or replace it with --overwrite"));
+    }
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+    match folder {
+        Some(folder) if !folder.is_dir() => {
+            Err(Error::new("its folder is not there").at_path(path))
+        }
+        _ => Ok(()),
     }
 }

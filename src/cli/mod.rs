@@ -1,6 +1,7 @@
 //! The commands. Logs go to stderr, tables to stdout.
 
 mod eval;
+mod measure;
 mod render;
 mod train;
 

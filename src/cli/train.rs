@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use clap::Args;
 
+use super::measure::MeasureArgs;
 use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
@@ -77,6 +78,9 @@ pub struct TrainArgs {
     /// Replace the run that --out holds
     #[arg(long)]
     overwrite: bool,
+
+    #[command(flatten)]
+    measure: MeasureArgs,
 }
 
 impl TrainArgs {
@@ -94,6 +98,7 @@ impl TrainArgs {
         RunDir::check(&out, self.overwrite)?;
         // Before anything takes time or is written: a machine without an adapter is told at once,
         // and the same command works once it has one.
+        let options = self.measure.options()?;
         let gpu = Gpu::open()?;
         eprintln!("adapter: {}", gpu.describe());
 
@@ -101,12 +106,13 @@ impl TrainArgs {
         let scene = pipeline::load_scene(&source, &load_options(&config, self.train_views))?;
         let load_s = start.elapsed().as_secs_f64();
         check_scene(&scene, &config)?;
+        options.check(&scene.test)?;
         for warning in &scene.warnings {
             eprintln!("warning: {warning}");
         }
 
         let run = RunDir::create(&out, &config, self.overwrite)?;
-        let evaluation = pipeline::train(&gpu, &scene, &source, &config, load_s, &run)?;
+        let evaluation = pipeline::train(&gpu, &scene, &source, &config, load_s, &options, &run)?;
         super::print(&evaluation_table(&run.name(), &evaluation))?;
         eprintln!("wrote {}", run.root().display());
         Ok(())

@@ -92,6 +92,21 @@ impl Config {
         Ok(config)
     }
 
+    /// The values that differ from the preset's, by dotted key in the order of the keys; the seed
+    /// is none of them.
+    pub fn changes(&self) -> Result<Vec<(String, Value)>> {
+        let preset = Config::preset(&self.preset)?.tree()?;
+        let own = self.tree()?;
+        let mut keys = Vec::new();
+        list_keys(&own, "", &mut keys);
+        let changed = |key: &String| {
+            let (value, before) = (own.pointer(&pointer(key))?, preset.pointer(&pointer(key)));
+            let differs = key != "seed" && !value.is_object() && Some(value) != before;
+            differs.then(|| (key.clone(), value.clone()))
+        };
+        Ok(keys.iter().filter_map(changed).collect())
+    }
+
     fn deserialize_at(tree: &Value, key: &str, shown: &str) -> Result<Config> {
         serde_json::from_value(tree.clone())
             .map_err(|e| Error::usage(format!("`{key}` cannot be {shown}: {e}")))

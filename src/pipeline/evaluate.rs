@@ -3,37 +3,80 @@
 use super::{focus_of, load_scene};
 use crate::camera::Frame;
 use crate::config::Config;
-use crate::error::{Error, Result};
-use crate::eval;
+use crate::digest::sha256;
+use crate::error::{Error, Result, read_file};
+use crate::eval::{self, EvalOptions};
 use crate::gaussians::ply::read_ply;
 use crate::gpu::Gpu;
+use crate::metrics::quantize;
 use crate::render::Kernels;
 use crate::report::{ContactSheet, write_png};
-use crate::run::{Evaluation, Metrics, RunDir, file_names};
+use crate::run::{Evaluation, Measured, Metrics, PoseProtocol, RunDir, file_names};
 use crate::scene::{LoadOptions, Scene, SceneSource, View};
+
+/// The evaluation that `run` holds, where it is that of its model, config and scene as they are
+/// now, by this version, as `options` ask. Where they ask for no LPIPS it may have one. A scene
+/// that is not there any more could not be measured again and counts as unchanged.
+///
+/// # Errors
+/// A run without a readable model, config or metrics.
+pub fn evaluation_at_hand(run: &RunDir, options: &EvalOptions) -> Result<Option<Evaluation>> {
+    // Absent, damaged, or of another version: measured anew.
+    let Ok(evaluation) = run.evaluation() else {
+        return Ok(None);
+    };
+    let Some(held) = &evaluation.measured else {
+        return Ok(None);
+    };
+    let record = run.metrics()?.scene;
+    let stamp = record.source.parse::<SceneSource>()?.stamp();
+    let mut now = measured(run, options, stamp, record.pose_protocol)?;
+    now.image_px = held.image_px;
+    if now.scene_stamp.is_none() {
+        now.scene_stamp = held.scene_stamp.clone();
+    }
+    if now.lpips.is_none() {
+        now.lpips = held.lpips.clone();
+    }
+    Ok((now == *held).then_some(evaluation))
+}
 
 /// Renders the test views of a run from its model and measures them; writes `eval.json` and
 /// `test/` anew.
-pub fn evaluate(run: &RunDir) -> Result<Evaluation> {
+pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
     let config = run.config()?;
     let metrics = run.metrics()?;
-    let scene = reload(&config, &metrics).map_err(|e| e.at_path(run.root()))?;
+    let protocol = metrics.scene.pose_protocol;
+    if protocol != PoseProtocol::SharedFrame {
+        return Err(Error::new(format!(
+            "the run's test cameras are {protocol}, which this version cannot do again"
+        ))
+        .at_path(run.root())
+        .way_out("evaluate it with the version that made it"));
+    }
+    let source = metrics.scene.source.parse::<SceneSource>()?;
+    let stamp = source.stamp();
+    let scene = reload(source, &config, &metrics).map_err(|e| e.at_path(run.root()))?;
+    options
+        .check(&scene.test)
+        .map_err(|e| e.at_path(run.root()))?;
     let (_, frame) = focus_of(&scene)?;
     let gpu = Gpu::open()?;
     let kernels = Kernels::new(&gpu);
+    let what = (run, options, stamp);
     measure(
         (&gpu, &kernels),
         &scene,
         &frame,
         &config,
-        run,
+        what,
         metrics.seconds.train,
     )
 }
 
 /// The scene as the run was trained on it.
-fn reload(config: &Config, metrics: &Metrics) -> Result<Scene> {
-    let source = metrics.scene.source.parse::<SceneSource>()?.resolved()?;
+fn reload(source: SceneSource, config: &Config, metrics: &Metrics) -> Result<Scene> {
+    let source = source.resolved()?;
     let scene = load_scene(
         &source,
         &LoadOptions {
@@ -62,33 +105,76 @@ fn reload(config: &Config, metrics: &Metrics) -> Result<Scene> {
 
 /// Measures the model in `run` at the test views of `scene` and writes what it finds.
 pub(super) fn measure(
-    (gpu, kernels): (&Gpu, &Kernels),
+    device: (&Gpu, &Kernels),
     scene: &Scene,
     frame: &Frame,
     config: &Config,
-    run: &RunDir,
+    (run, options, scene_stamp): (&RunDir, &EvalOptions, Option<String>),
     train_s: Option<f64>,
 ) -> Result<Evaluation> {
     // The file, not the model in memory: what is measured is what others will open.
     let gaussians = read_ply(&run.point_cloud())?.to_canonical(frame);
     let views = &scene.test;
-    let renders = eval::render_views(gpu, kernels, &gaussians, frame, views, &config.model)?;
     let names: Vec<&str> = views.iter().map(|view| view.camera.name.as_str()).collect();
-    for (render, file) in renders.iter().zip(file_names(&names, "png")) {
-        write_png(&run.test_views().join(file), render)?;
-    }
-    if let Some(first) = renders.first() {
-        let mut sheet = ContactSheet::new(renders.len(), 2, first.width, first.height)?;
-        for (render, view) in renders.iter().zip(views) {
-            sheet.add(&[render, &view.image])?;
-        }
+    let files = file_names(&names, "png");
+    let mut sheet = match views.first() {
+        Some(View { image, .. }) => Some(ContactSheet::new(
+            views.len(),
+            2,
+            image.width,
+            image.height,
+        )?),
+        None => None,
+    };
+    let mut scores = Vec::with_capacity(views.len());
+    eval::render_views(
+        device,
+        &gaussians,
+        frame,
+        views,
+        &config.model,
+        |view, rendered| {
+            let image = quantize(rendered.width, rendered.height, &rendered.rgb)?;
+            write_png(&run.test_views().join(&files[scores.len()]), &image)?;
+            if let Some(sheet) = &mut sheet {
+                sheet.add(&[&image, &view.image])?;
+            }
+            scores.push(eval::score(rendered, view, options)?);
+            Ok(())
+        },
+    )?;
+    if let Some(sheet) = sheet {
         write_png(&run.test_sheet(), &sheet.finish())?;
     }
-    let mut evaluation = eval::score(&renders, views, gaussians.len(), train_s)?;
+    let mut evaluation = Evaluation::new(scores, gaussians.len(), train_s);
     if !views.is_empty() {
         let splat = eval::score_point_splat(&scene.cloud, frame, views, config)?;
         evaluation.point_splat = Some(splat);
     }
+    let mut measured = measured(run, options, scene_stamp, PoseProtocol::SharedFrame)?;
+    measured.image_px = views.first().map(|v| [v.image.width, v.image.height]);
+    evaluation.measured = Some(measured);
     run.write_evaluation(&evaluation)?;
     Ok(evaluation)
+}
+
+/// What an evaluation of `run` with `options` is an evaluation of, but for the image size.
+fn measured(
+    run: &RunDir,
+    options: &EvalOptions,
+    scene_stamp: Option<String>,
+    pose_protocol: PoseProtocol,
+) -> Result<Measured> {
+    let point_cloud = read_file(&run.point_cloud())?;
+    Ok(Measured {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        point_cloud_sha256: sha256(&point_cloud),
+        point_cloud_bytes: point_cloud.len() as u64,
+        config_sha256: sha256(&read_file(&run.config_file())?),
+        scene_stamp,
+        image_px: None,
+        pose_protocol,
+        renders: options.renders,
+        lpips: options.lpips_record(),
+    })
 }

@@ -5,7 +5,7 @@ mod prepare;
 mod render;
 mod train;
 
-pub use evaluate::evaluate;
+pub use evaluate::{evaluate, evaluation_at_hand};
 pub use prepare::{Prepared, prepare};
 pub use render::render;
 pub use train::train;

@@ -4,6 +4,7 @@ use super::{Clock, Prepared, cameras, evaluate, prepare};
 use crate::cameras_json::write_cameras;
 use crate::config::Config;
 use crate::error::{Error, Result};
+use crate::eval::EvalOptions;
 use crate::gaussians::ply::write_ply;
 use crate::gpu::Gpu;
 use crate::progress::Progress;
@@ -16,16 +17,20 @@ use crate::run::{
 use crate::scene::{Image, Scene, SceneSource, View};
 use crate::train::{self, Observer, TrainingView};
 
-/// Trains on `scene`, evaluates at its test views and writes all into `run`; `load_s` is how
-/// long loading took.
+/// Trains on `scene`, evaluates at its test views as `options` say and writes all into `run`;
+/// `load_s` is how long loading took.
 pub fn train(
     gpu: &Gpu,
     scene: &Scene,
     source: &SceneSource,
     config: &Config,
     load_s: f64,
+    options: &EvalOptions,
     run: &RunDir,
 ) -> Result<Evaluation> {
+    options.check(&scene.test)?;
+    // Of the files as they are now: a mask that is drawn while training runs was not loaded.
+    let stamp = source.stamp();
     let mut seconds = Seconds {
         load: Some(load_s),
         ..Seconds::default()
@@ -64,7 +69,10 @@ pub fn train(
     write_ply(&run.point_cloud(), &trained.gaussians, &frame)?;
 
     clock.lap();
-    let evaluation = evaluate::measure((gpu, &kernels), scene, &frame, config, run, seconds.train)?;
+    let device = (gpu, &kernels);
+    let train_s = seconds.train;
+    let what = (run, options, stamp);
+    let evaluation = evaluate::measure(device, scene, &frame, config, what, train_s)?;
     seconds.eval = Some(clock.lap());
     let names = |views: &[View]| views.iter().map(|view| view.camera.name.clone()).collect();
     run.write_metrics(&Metrics {

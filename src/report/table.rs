@@ -2,17 +2,24 @@
 
 use std::fmt::{self, Write as _};
 
-use crate::run::Evaluation;
-
-/// A Markdown table. The first column is aligned to the left, the others, figures, to the right.
+/// A Markdown table. The first columns, text, are aligned to the left, the others, figures, to
+/// the right.
 #[derive(Clone, Debug)]
 pub struct Table {
+    n_text: usize,
     rows: Vec<Vec<String>>,
 }
 
 impl Table {
+    /// A table whose first column is text.
     pub fn new(header: &[&str]) -> Table {
+        Table::with_text(1, header)
+    }
+
+    /// A table whose first `n_text` columns are text.
+    pub fn with_text(n_text: usize, header: &[&str]) -> Table {
         Table {
+            n_text,
             rows: vec![header.iter().map(|cell| escaped(cell)).collect()],
         }
     }
@@ -35,18 +42,20 @@ impl fmt::Display for Table {
             })
             .collect();
         for (i, row) in self.rows.iter().enumerate() {
+            f.write_char('|')?;
             for (column, (cell, &width)) in row.iter().zip(&widths).enumerate() {
-                if column == 0 {
-                    write!(f, "| {cell:width$} |")?;
+                if column < self.n_text {
+                    write!(f, " {cell:width$} |")?;
                 } else {
                     write!(f, " {cell:>width$} |")?;
                 }
             }
             f.write_char('\n')?;
             if i == 0 {
+                f.write_char('|')?;
                 for (column, &width) in widths.iter().enumerate() {
-                    if column == 0 {
-                        write!(f, "|{}|", "-".repeat(width + 2))?;
+                    if column < self.n_text {
+                        write!(f, "{}|", "-".repeat(width + 2))?;
                     } else {
                         write!(f, "{}:|", "-".repeat(width + 1))?;
                     }
@@ -59,7 +68,7 @@ impl fmt::Display for Table {
 }
 
 /// Names come from files: what would break the table or reach the terminal raw is replaced.
-fn escaped(cell: &str) -> String {
+pub(super) fn escaped(cell: &str) -> String {
     cell.chars()
         .map(|c| if c.is_control() { ' ' } else { c })
         .collect::<String>()
@@ -67,45 +76,8 @@ fn escaped(cell: &str) -> String {
         .replace('|', "\\|")
 }
 
-/// A run's errors per test view and in the mean, its size and training time.
-pub fn evaluation_table(run: &str, evaluation: &Evaluation) -> String {
-    let mut table = Table::new(&["view", "PSNR dB", "SSIM", "LPIPS"]);
-    for view in &evaluation.views {
-        table.row(&[
-            view.name.clone(),
-            figure(view.psnr, 2),
-            figure(view.ssim, 4),
-            figure(view.lpips, 4),
-        ]);
-    }
-    let mean = &evaluation.mean;
-    table.row(&[
-        format!("**mean of {}**", evaluation.views.len()),
-        figure(mean.psnr, 2),
-        figure(mean.ssim, 4),
-        figure(mean.lpips, 4),
-    ]);
-    let mut out = format!(
-        "### {}\n\n{table}\n{} Gaussians, trained in {} s\n",
-        escaped(run),
-        evaluation.n_gaussians,
-        figure(evaluation.train_s, 1)
-    );
-    if let Some(splat) = &evaluation.point_splat {
-        out += &format!(
-            "\nBare point splat of the cloud: {} dB, SSIM {}; {} dB on the {:.1} % of the pixels \
-             that it covers\n",
-            figure(splat.psnr, 2),
-            figure(splat.ssim, 4),
-            figure(splat.psnr_covered, 2),
-            100.0 * splat.coverage
-        );
-    }
-    out
-}
-
 /// `n/a` for what was not measured.
-fn figure(value: Option<f64>, digits: usize) -> String {
+pub(super) fn figure(value: Option<f64>, digits: usize) -> String {
     match value {
         Some(value) => format!("{value:.digits$}"),
         None => "n/a".to_owned(),

@@ -1,7 +1,8 @@
-//! What `metrics.json` and `eval.json` hold.
+//! What `metrics.json` holds.
 //!
-//! Everything that may differ between two equal runs is under `seconds` and `memory`
-//! (`train_s` in `eval.json`).
+//! Everything that may differ between two equal runs is under `seconds` and `memory`.
+
+use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
@@ -36,12 +37,32 @@ pub struct SceneRecord {
 }
 
 /// How the test cameras came into the frame of the training cameras. Figures under different
-/// protocols do not compare.
+/// protocols do not compare. This version makes runs of the first alone; it knows the others' to
+/// keep them apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PoseProtocol {
     /// The scene gives both in one frame.
     SharedFrame,
+    /// By the similarity that takes the training cameras' true poses to the estimated ones
+    /// (Umeyama 1991).
+    TrainingSimilarity,
+    /// Fitted to the test photographs by gradient (InstantSplat, Fan et al. 2024).
+    TestPoseFit,
+}
+
+impl fmt::Display for PoseProtocol {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            PoseProtocol::SharedFrame => {
+                "in one frame with the training cameras, as the scene has them"
+            }
+            PoseProtocol::TrainingSimilarity => {
+                "brought in by a similarity fitted to the training cameras"
+            }
+            PoseProtocol::TestPoseFit => "fitted to the test photographs",
+        })
+    }
 }
 
 /// Wall-clock seconds of each stage; null where a stage was not run.
@@ -53,6 +74,14 @@ pub struct Seconds {
     pub splat: Option<f64>,
     pub train: Option<f64>,
     pub eval: Option<f64>,
+}
+
+impl Seconds {
+    /// From loading the scene to the trained model; none where it was not trained.
+    pub fn to_model(&self) -> Option<f64> {
+        let before = [self.load, self.field, self.sample, self.splat];
+        Some(before.iter().flatten().sum::<f64>() + self.train?)
+    }
 }
 
 /// Peak memory in bytes; null where it cannot be told.
@@ -100,74 +129,6 @@ pub struct PlanCounts {
     pub pruned_opacity: usize,
     pub pruned_size: usize,
     pub pruned_anisotropy: usize,
-}
-
-/// Errors at the test views: `eval.json`. JSON has no infinity: the PSNR of an identical image
-/// is written as null, as is what was not measured; a table says `inf` for the former.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Evaluation {
-    pub mean: Mean,
-    pub views: Vec<ViewScore>,
-    pub n_gaussians: usize,
-    /// Seconds of training alone.
-    pub train_s: Option<f64>,
-    /// What the cloud gives without any training.
-    pub point_splat: Option<PointSplatScore>,
-}
-
-/// Errors of the bare point splat of the cloud at the test views, black where no point falls.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PointSplatScore {
-    /// Means over the views; dB.
-    pub psnr: Option<f64>,
-    pub ssim: Option<f64>,
-    /// Over covered pixels alone; dB.
-    pub psnr_covered: Option<f64>,
-    /// Mean share of covered pixels.
-    pub coverage: f64,
-}
-
-/// Means over the views of their own values.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Mean {
-    /// dB.
-    pub psnr: Option<f64>,
-    pub ssim: Option<f64>,
-    pub lpips: Option<f64>,
-}
-
-/// Errors at one test view.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ViewScore {
-    pub name: String,
-    /// dB.
-    pub psnr: Option<f64>,
-    pub ssim: Option<f64>,
-    pub lpips: Option<f64>,
-}
-
-impl Evaluation {
-    /// With the means over `views`; a metric that a view lacks has no mean.
-    pub fn new(views: Vec<ViewScore>, n_gaussians: usize, train_s: Option<f64>) -> Evaluation {
-        let mean = |value: fn(&ViewScore) -> Option<f64>| mean(views.iter().map(value));
-        Evaluation {
-            mean: Mean {
-                psnr: mean(|view| view.psnr),
-                ssim: mean(|view| view.ssim),
-                lpips: mean(|view| view.lpips),
-            },
-            views,
-            n_gaussians,
-            train_s,
-            point_splat: None,
-        }
-    }
-}
-
-/// Mean of values that are all there.
-pub fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
-    let values = values.collect::<Option<Vec<f64>>>()?;
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
 /// Peak resident set of this process in bytes, where the system tells (Linux).

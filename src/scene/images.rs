@@ -138,7 +138,8 @@ pub(super) fn match_images(
     Ok(matched)
 }
 
-fn stem(name: &str) -> &str {
+/// The name without its suffix.
+pub(super) fn stem(name: &str) -> &str {
     name.rsplit_once('.').map_or(name, |(stem, _)| stem)
 }
 

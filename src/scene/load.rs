@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::cloud::{clean, read_cloud};
 use super::decode::{Decoded, decode};
 use super::images::{PosedImage, match_images};
+use super::masks::Masks;
 use super::split::choose;
 use super::{LoadOptions, Scene, View, colmap};
 use crate::camera::Camera;
@@ -64,10 +65,15 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         .chain(&split.test)
         .map(|&i| &matched.views[i])
         .collect();
+    let masks = Masks::of(dir);
     let (cloud, decoded) = rayon::join(
         || read_cloud(&layout.cloud),
-        || -> Vec<Result<Decoded>> { chosen.par_iter().map(|v| decode(v, options)).collect() },
+        || -> Vec<Result<Decoded>> {
+            let views = chosen.par_iter();
+            views.map(|v| decode(v, &masks, options)).collect()
+        },
     );
+    warnings.extend(masks.missing(chosen.iter().map(|v| v.camera.name.as_str())));
     let mut cloud = cloud?;
     let mut train = views(decoded, &mut warnings)?;
     let test = train.split_off(split.train.len());

@@ -7,9 +7,11 @@ mod colmap;
 mod decode;
 mod images;
 mod load;
+mod masks;
 mod ply;
 mod source;
 mod split;
+mod stamp;
 
 pub use source::{DEFAULT_BUILTIN_WIDTH, SceneSource};
 
@@ -40,6 +42,8 @@ pub struct Scene {
 pub struct View {
     pub camera: Camera,
     pub image: Image,
+    /// Which pixels show the subject (`height * width`, row 0 on top), where the scene says.
+    pub mask: Option<Vec<bool>>,
 }
 
 /// An 8-bit RGB image, row 0 on top.

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use gspotential::config::Config;
+use gspotential::eval::EvalOptions;
 use gspotential::gaussians::Gaussians;
 use gspotential::gpu::Gpu;
 use gspotential::pipeline::{self, Prepared, prepare};
@@ -59,6 +60,7 @@ fn run(scene: &Scene, root: &Path) -> (Vec<u8>, String, String) {
         &source,
         &config(),
         0.0,
+        &EvalOptions::default(),
         &run,
     )
     .expect("trains");

@@ -4,6 +4,7 @@
 use glam::DVec3;
 use gspotential::camera::Camera;
 use gspotential::config::Config;
+use gspotential::eval::EvalOptions;
 use gspotential::pipeline::{self, Prepared, prepare};
 use gspotential::run::{RunDir, Seconds};
 use gspotential::scene::builtin::{BuiltinOptions, render, scene};
@@ -52,6 +53,7 @@ fn photographed(poses: &[(DVec3, DVec3)]) -> Scene {
             View {
                 image: render(&camera),
                 camera,
+                mask: None,
             }
         })
         .collect();
@@ -212,6 +214,7 @@ fn a_test_view_that_is_a_training_view_is_evaluated_like_any_other() {
         &source,
         &config(60),
         0.0,
+        &EvalOptions::default(),
         &run,
     )
     .expect("trains");

@@ -3,6 +3,7 @@
 pub mod build;
 mod cloud;
 mod images;
+mod masks;
 mod model;
 mod ply;
 mod real;

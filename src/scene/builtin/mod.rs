@@ -87,6 +87,7 @@ pub fn scene(options: &BuiltinOptions) -> Scene {
         .map(|(camera, traced)| View {
             camera,
             image: traced.image,
+            mask: None,
         })
         .collect();
     let test = test_cameras(width, options.n_test)
@@ -94,6 +95,7 @@ pub fn scene(options: &BuiltinOptions) -> Scene {
         .map(|camera| View {
             image: render(&camera),
             camera,
+            mask: None,
         })
         .collect();
     Scene {

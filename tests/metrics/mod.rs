@@ -1,6 +1,9 @@
 //! PSNR and SSIM against a brute-force implementation and values worked out by hand.
 
-use gspotential::metrics::{masked_psnr, psnr, quantize, ssim};
+mod lpips;
+pub mod lpips_reference;
+
+use gspotential::metrics::{FloatImage, masked_psnr, masked_ssim, psnr, quantize, ssim};
 use gspotential::scene::Image;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -33,14 +36,19 @@ fn pair(width: u32, height: u32) -> (Image, Image) {
     (render, truth)
 }
 
-/// SSIM from its definition: for each pixel and channel all 121 neighbours, zeros outside.
-fn direct_ssim(x: &Image, y: &Image) -> f64 {
-    let (w, h) = (x.width as i64, x.height as i64);
-    let at = |image: &Image, i: i64, j: i64, c: i64| {
+/// SSIM of each pixel from its definition, mean over the channels: all 121 neighbours, zeros
+/// outside. `x` and `y` give value `i` of `[height][width][3]` in `[0, 1]`.
+fn direct_ssim_map(
+    (width, height): (u32, u32),
+    x: &dyn Fn(usize) -> f64,
+    y: &dyn Fn(usize) -> f64,
+) -> Vec<f64> {
+    let (w, h) = (i64::from(width), i64::from(height));
+    let at = |image: &dyn Fn(usize) -> f64, i: i64, j: i64, c: i64| {
         if i < 0 || j < 0 || i >= h || j >= w {
             0.0
         } else {
-            f64::from(image.rgb[((i * w + j) * 3 + c) as usize]) / 255.0
+            image(((i * w + j) * 3 + c) as usize)
         }
     };
     let weight = |di: i64, dj: i64| (-((di * di + dj * dj) as f64) / 4.5).exp();
@@ -48,10 +56,11 @@ fn direct_ssim(x: &Image, y: &Image) -> f64 {
         .flat_map(|di| (-5..=5).map(move |dj| (di, dj)))
         .collect();
     let norm: f64 = offsets.iter().map(|&(di, dj)| weight(di, dj)).sum();
-    let mut total = 0.0;
-    for c in 0..3 {
-        for i in 0..h {
-            for j in 0..w {
+    let mut map = Vec::new();
+    for i in 0..h {
+        for j in 0..w {
+            let mut total = 0.0;
+            for c in 0..3 {
                 let mean = |f: &dyn Fn(f64, f64) -> f64| -> f64 {
                     offsets
                         .iter()
@@ -69,9 +78,17 @@ fn direct_ssim(x: &Image, y: &Image) -> f64 {
                 let luminance = (2.0 * mx * my + 1e-4) / (mx.powi(2) + my.powi(2) + 1e-4);
                 total += luminance * (2.0 * cov + 9e-4) / (var_x + var_y + 9e-4);
             }
+            map.push(total / 3.0);
         }
     }
-    total / (3 * w * h) as f64
+    map
+}
+
+fn direct_ssim(x: &Image, y: &Image) -> f64 {
+    let value = |image: &Image, i: usize| f64::from(image.rgb[i]) / 255.0;
+    let size = (x.width, x.height);
+    let map = direct_ssim_map(size, &|i| value(x, i), &|i| value(y, i));
+    map.iter().sum::<f64>() / map.len() as f64
 }
 
 #[test]
@@ -163,6 +180,65 @@ fn masked_psnr_looks_at_set_pixels_alone() {
     assert_eq!(only(&all), Some(psnr(&render, &truth).unwrap()));
     assert_eq!(only(&[]), None);
     assert!(masked_psnr(&render, &truth, &[true; 44]).is_err());
+}
+
+#[test]
+fn masked_ssim_is_the_mean_of_the_map_over_set_pixels() {
+    let (render, truth) = pair(31, 17);
+    let value = |image: &Image, i: usize| f64::from(image.rgb[i]) / 255.0;
+    let map = direct_ssim_map((31, 17), &|i| value(&render, i), &|i| value(&truth, i));
+    for only in [&[0][..], &[5, 40, 300, 526], &[526]] {
+        let mask: Vec<bool> = (0..31 * 17).map(|i| only.contains(&i)).collect();
+        let ours = masked_ssim(&render, &truth, &mask).unwrap().unwrap();
+        let direct = only.iter().map(|&i| map[i]).sum::<f64>() / only.len() as f64;
+        assert!((ours - direct).abs() < TOLERANCE, "{ours} and {direct}");
+        // Another pixel is noticed.
+        let moved: Vec<bool> = (0..31 * 17).map(|i| only.contains(&(i + 1))).collect();
+        let moved = masked_ssim(&render, &truth, &moved).unwrap();
+        assert!(moved.is_none_or(|moved| (moved - direct).abs() > 100.0 * TOLERANCE));
+    }
+    let all = masked_ssim(&render, &truth, &[true; 31 * 17])
+        .unwrap()
+        .unwrap();
+    assert!((all - ssim(&render, &truth).unwrap()).abs() < TOLERANCE);
+    assert_eq!(
+        masked_ssim(&render, &truth, &[false; 31 * 17]).unwrap(),
+        None
+    );
+    assert!(masked_ssim(&render, &truth, &[true; 31 * 17 - 1]).is_err());
+}
+
+#[test]
+fn float_renders_are_clamped_but_not_rounded() {
+    let (_, truth) = pair(23, 14);
+    let mut rng = ChaCha8Rng::seed_from_u64(8);
+    let mut rgb: Vec<f32> = (0..truth.rgb.len())
+        .map(|_| rng.random_range(-0.1..1.1))
+        .collect();
+    rgb[7] = f32::NAN;
+    let render = FloatImage {
+        width: 23,
+        height: 14,
+        rgb: &rgb,
+    };
+    let x = |i: usize| match rgb[i] {
+        v if v.is_nan() => 0.0,
+        v => f64::from(v.clamp(0.0, 1.0)),
+    };
+    let y = |i: usize| f64::from(truth.rgb[i]) / 255.0;
+    let map = direct_ssim_map((23, 14), &x, &y);
+    let direct = map.iter().sum::<f64>() / map.len() as f64;
+    assert!((ssim(&render, &truth).unwrap() - direct).abs() < TOLERANCE);
+    let n = truth.rgb.len();
+    let mse = (0..n).map(|i| (x(i) - y(i)).powi(2)).sum::<f64>() / n as f64;
+    assert!((psnr(&render, &truth).unwrap() + 10.0 * mse.log10()).abs() < 1e-11);
+    // Rounding is seen by both.
+    let rounded = quantize(23, 14, &rgb).unwrap();
+    assert!((ssim(&rounded, &truth).unwrap() - direct).abs() > 100.0 * TOLERANCE);
+    assert_ne!(
+        psnr(&rounded, &truth).unwrap(),
+        psnr(&render, &truth).unwrap()
+    );
 }
 
 #[test]

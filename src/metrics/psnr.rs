@@ -1,0 +1,43 @@
+//! Peak signal-to-noise ratio.
+
+use super::{Pixels, check_mask, check_pair};
+use crate::error::Result;
+
+/// Peak signal-to-noise ratio in dB over all pixels and channels, `20 log10(1 / sqrt(mse))`;
+/// infinite for identical images.
+pub fn psnr(render: &impl Pixels, truth: &impl Pixels) -> Result<f64> {
+    check_pair(render, truth)?;
+    let n = render.n_values();
+    Ok(psnr_of(squared_error(render, truth, 0..n), n))
+}
+
+/// [`psnr`] over the pixels whose `mask` (`height * width`) is set; an empty mask has none.
+pub fn masked_psnr(
+    render: &impl Pixels,
+    truth: &impl Pixels,
+    mask: &[bool],
+) -> Result<Option<f64>> {
+    let (width, height) = check_pair(render, truth)?;
+    let n_set = check_mask(mask, width * height)?;
+    if n_set == 0 {
+        return Ok(None);
+    }
+    let set = (0..render.n_values()).filter(|i| mask[i / 3]);
+    Ok(Some(psnr_of(squared_error(render, truth, set), n_set * 3)))
+}
+
+/// In levels, so that the sum of an 8-bit pair is an integer and exact.
+fn squared_error(
+    render: &impl Pixels,
+    truth: &impl Pixels,
+    values: impl Iterator<Item = usize>,
+) -> f64 {
+    values
+        .map(|i| (render.level(i) - truth.level(i)).powi(2))
+        .sum()
+}
+
+fn psnr_of(squared_error: f64, n: usize) -> f64 {
+    let mse = squared_error / (255.0 * 255.0 * n as f64);
+    20.0 * (1.0 / mse.sqrt()).log10()
+}

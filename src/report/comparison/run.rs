@@ -1,0 +1,93 @@
+//! A run as a comparison sees it.
+
+use crate::config::Config;
+use crate::error::{Error, Result};
+use crate::run::{Evaluation, Measured, Metrics, RunDir};
+
+/// A run, what it did and what it measured.
+#[derive(Clone, Debug)]
+pub struct ComparedRun {
+    name: String,
+    /// The preset and every value that differs from it, but for the seed, the iterations and
+    /// what is loaded: `paper (loss.ssim_weight=0.3)`.
+    pub method: String,
+    /// `key=value` of every value that differs from the preset's.
+    pub changes: Vec<String>,
+    pub config: Config,
+    pub metrics: Metrics,
+    pub evaluation: Evaluation,
+    measured: Measured,
+}
+
+impl ComparedRun {
+    /// A run whose evaluation is `evaluation`.
+    ///
+    /// # Errors
+    /// A config or metrics that cannot be read; an evaluation that an older version wrote.
+    pub fn new(run: &RunDir, evaluation: Evaluation) -> Result<ComparedRun> {
+        let config = run.config()?;
+        let Some(measured) = evaluation.measured.clone() else {
+            return Err(Error::new("its eval.json does not say how it was measured")
+                .at_path(run.root())
+                .way_out("evaluate the run again with `gspotential eval`"));
+        };
+        let changes = config.changes()?;
+        let is_method = |key: &str| key != "iterations" && !key.starts_with("scene.");
+        let of_method = changes.iter().filter(|(key, _)| is_method(key));
+        let of_method: Vec<String> = of_method.map(|(k, v)| format!("{k}={v}")).collect();
+        let method = if of_method.is_empty() {
+            config.preset.clone()
+        } else {
+            format!("{} ({})", config.preset, of_method.join(", "))
+        };
+        Ok(ComparedRun {
+            name: run.name(),
+            method,
+            changes: changes.iter().map(|(k, v)| format!("{k}={v}")).collect(),
+            config,
+            metrics: run.metrics()?,
+            evaluation,
+            measured,
+        })
+    }
+
+    /// The directory's own name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    pub fn measured(&self) -> &Measured {
+        &self.measured
+    }
+
+    /// Whether both were measured against the same images.
+    pub(super) fn same_images(&self, other: &ComparedRun) -> bool {
+        let (a, b) = (&self.metrics.scene, &other.metrics.scene);
+        (&a.name, &a.source, &a.test_views) == (&b.name, &b.source, &b.test_views)
+            && self.measured.image_px == other.measured.image_px
+    }
+
+    /// Whether both are the same method with the same settings, whatever the seed.
+    pub(super) fn same_row(&self, other: &ComparedRun) -> bool {
+        let key = |run: &ComparedRun| (run.config.iterations, run.config.scene.max_points);
+        self.method == other.method
+            && key(self) == key(other)
+            && self.metrics.scene.train_views == other.metrics.scene.train_views
+    }
+
+    /// `garden (320x213, 20 test views)`.
+    pub(super) fn scene_label(&self) -> String {
+        let scene = &self.metrics.scene;
+        let [width, height] = self.measured.image_px.unwrap_or_default();
+        let n = scene.test_views.len();
+        format!("{} ({width}x{height}, {n} test views)", scene.name)
+    }
+
+    /// How many points it started from, in words.
+    pub(super) fn points(&self) -> String {
+        match self.config.scene.max_points {
+            Some(n) => format!("at most {n} points"),
+            None => "at most as many points as training pixels".to_owned(),
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! One run's errors, view by view.
+
+use super::table::{Table, escaped, figure};
+use crate::metrics::lpips::WEIGHTS_RECIPE;
+use crate::run::{Evaluation, Measured, Renders};
+
+/// A run's errors per test view and in the mean, its size and training time.
+pub fn evaluation_table(run: &str, evaluation: &Evaluation) -> String {
+    let measured = evaluation.measured.as_ref();
+    let lpips = measured.and_then(|measured| measured.lpips.as_ref());
+    let lpips = lpips.map_or_else(|| "LPIPS".to_owned(), ToString::to_string);
+    let mut header = vec!["view", "PSNR dB", "SSIM", &lpips];
+    if evaluation.mean_masked.is_some() {
+        header.extend(["masked PSNR dB", "masked SSIM", "masked LPIPS"]);
+    }
+    let mut table = Table::new(&header);
+    for view in &evaluation.views {
+        let masked = view.masked.as_ref();
+        let mut row = vec![view.name.clone()];
+        row.extend(figures(view.psnr, view.ssim, view.lpips));
+        row.extend(figures(
+            masked.and_then(|m| m.psnr),
+            masked.and_then(|m| m.ssim),
+            masked.and_then(|m| m.lpips),
+        ));
+        table.row(&row);
+    }
+    let mean = &evaluation.mean;
+    let mut row = vec![format!("**mean of {}**", evaluation.views.len())];
+    row.extend(figures(mean.psnr, mean.ssim, mean.lpips));
+    if let Some(masked) = &evaluation.mean_masked {
+        let mean = masked.mean;
+        row.extend(figures(mean.psnr, mean.ssim, mean.lpips));
+    }
+    table.row(&row);
+    let mut out = format!(
+        "### {}\n\n{table}\n{} Gaussians, trained in {} s\n",
+        escaped(run),
+        evaluation.n_gaussians,
+        figure(evaluation.train_s, 1)
+    );
+    if let Some(splat) = &evaluation.point_splat {
+        out += &format!(
+            "\nBare point splat of the cloud: {} dB, SSIM {}; {} dB on the {:.1} % of the pixels \
+             that it covers\n",
+            figure(splat.psnr, 2),
+            figure(splat.ssim, 4),
+            figure(splat.psnr_covered, 2),
+            100.0 * splat.coverage
+        );
+    }
+    if let Some(masked) = &evaluation.mean_masked {
+        let (n, all) = (masked.n_views, evaluation.views.len());
+        out += &format!("\n{}; {n} of {all} views have one\n", MASKED);
+    }
+    if let Some(measured) = &evaluation.measured {
+        out += &format!("\n{}\n", how(measured));
+    }
+    out
+}
+
+/// What the masked columns are.
+pub(super) const MASKED: &str = "Masked: PSNR of the mask's pixels, SSIM's map averaged over \
+     them, LPIPS of both images black beyond the mask";
+
+/// How figures were measured, as Markdown lines.
+pub(super) fn how(measured: &Measured) -> String {
+    let renders = match measured.renders {
+        Renders::Rounded => "Renders are rounded to 8 bit",
+        Renders::Float => "Renders are measured as floats, not rounded to 8 bit",
+    };
+    let mut out = format!("{renders}. Test cameras: {}.", measured.pose_protocol);
+    if measured.lpips.is_none() {
+        out += &format!(
+            "\n\nLPIPS is n/a: --lpips-weights FILE measures it; make the file once: \
+             `{WEIGHTS_RECIPE}`"
+        );
+    }
+    out
+}
+
+fn figures(psnr: Option<f64>, ssim: Option<f64>, lpips: Option<f64>) -> [String; 3] {
+    [figure(psnr, 2), figure(ssim, 4), figure(lpips, 4)]
+}

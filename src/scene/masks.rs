@@ -1,0 +1,109 @@
+//! Masks: which pixels of a photograph show the subject.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use image::imageops::{FilterType, resize};
+use image::{DynamicImage, GrayImage};
+
+use super::decode::{open_image, same_aspect};
+use super::images::stem;
+use crate::error::{Error, Result, read_file};
+
+/// From this level on a pixel is set.
+const THRESHOLD: u8 = 128;
+
+/// A scene's folder of masks, `masks/`.
+pub(super) struct Masks(Option<PathBuf>);
+
+impl Masks {
+    pub fn of(scene: &Path) -> Masks {
+        let dir = scene.join("masks");
+        Masks(dir.is_dir().then_some(dir))
+    }
+
+    /// The mask's file of the photograph `name` (`left/a.jpg`): `left/a.jpg.png`, as COLMAP names
+    /// them, or else `left/a.png`.
+    pub fn file(&self, name: &str) -> Option<PathBuf> {
+        let dir = self.0.as_ref()?;
+        let names = [format!("{name}.png"), format!("{}.png", stem(name))];
+        names
+            .iter()
+            .map(|name| dir.join(name))
+            .find(|path| path.is_file())
+    }
+
+    /// A line for the log where there is the folder, but not a mask for every view.
+    pub fn missing<'a>(&self, views: impl Iterator<Item = &'a str>) -> Option<String> {
+        self.0.as_ref()?;
+        let views: BTreeSet<&str> = views.collect();
+        let without: Vec<&&str> = views.iter().filter(|v| self.file(v).is_none()).collect();
+        without.first().map(|first| {
+            format!(
+                "{} of {} views have no mask in `masks/` (`{}.png`{})",
+                without.len(),
+                views.len(),
+                first.escape_debug(),
+                if without.len() > 1 { ", ..." } else { "" }
+            )
+        })
+    }
+}
+
+/// Reads the mask of a photograph of `photograph` pixels at the size `target`: set where it is
+/// at least half bright.
+///
+/// # Errors
+/// A file that is unreadable or no image, of another shape than the photograph, or that is
+/// neither black and white nor grey in between, as one that numbers its labels.
+pub(super) fn read_mask(
+    path: &Path,
+    photograph: (u32, u32),
+    target: (u32, u32),
+) -> Result<Vec<bool>> {
+    let decode = || {
+        let bytes = read_file(path)?;
+        let (decoder, size) = open_image(&bytes)?;
+        if !same_aspect(photograph, size) {
+            return Err(Error::new(format!(
+                "the mask is {}x{} pixels but its photograph {}x{}",
+                size.0, size.1, photograph.0, photograph.1
+            ))
+            .way_out("draw it on the photograph, or scale it without changing its shape"));
+        }
+        let levels = super::decode::decoded(decoder)?.into_luma8();
+        let brightest = levels.pixels().map(|p| p.0[0]).max().unwrap_or(0);
+        if (1..THRESHOLD).contains(&brightest) {
+            return Err(Error::new(format!(
+                "the mask's brightest pixel is {brightest} of 255, so none would be set"
+            ))
+            .way_out("save it with the subject white and the rest black"));
+        }
+        Ok(set(levels, target))
+    };
+    decode().map_err(|e| e.at_path(path))
+}
+
+/// The alpha channel of a photograph at the size `target`, set where it is at least half opaque;
+/// none where there is no channel, or all of it is opaque.
+pub(super) fn alpha_mask(photograph: &DynamicImage, target: (u32, u32)) -> Option<Vec<bool>> {
+    if !photograph.color().has_alpha() {
+        return None;
+    }
+    let (width, height) = (photograph.width(), photograph.height());
+    let alpha: Vec<u8> = photograph.to_rgba8().pixels().map(|p| p.0[3]).collect();
+    if alpha.iter().all(|&a| a == 255) {
+        return None;
+    }
+    Some(set(GrayImage::from_raw(width, height, alpha)?, target))
+}
+
+fn set(levels: GrayImage, target: (u32, u32)) -> Vec<bool> {
+    // A triangle filter does not overshoot, so a thin part does not make others of its own.
+    let levels = if levels.dimensions() == target {
+        levels
+    } else {
+        resize(&levels, target.0, target.1, FilterType::Triangle)
+    };
+    levels.pixels().map(|p| p.0[0] >= THRESHOLD).collect()
+}
