@@ -109,7 +109,7 @@ pub struct ModelConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ShellConfig {
-    /// Number of Gaussians; 0: no shell.
+    /// Number of Gaussians, some hundreds: the more, the finer; 0: no shell.
     pub count: usize,
     /// Distance from the focus, in `R`; more where the cloud reaches farther.
     pub radius: f64,

@@ -15,7 +15,7 @@ use crate::gaussians::{Gaussians, SH_0, n_sh};
 /// The shell lies at least this far beyond the farthest Gaussian of the scene.
 const MARGIN: f64 = 1.5;
 
-/// Standard deviation in mean spacings: at 0.7 no gap lets 2 % through.
+/// Standard deviation in spacings, `r sqrt(4 pi / count)`: at 0.7 no gap lets 3 % through.
 const SIZE: f64 = 0.7;
 
 const OPACITY: f64 = 0.99;
