@@ -2,8 +2,10 @@
 // moments, vertical moments with SSIM's derivatives, and the two passes back.
 //
 // SSIM is 3DGS's: 11x11 Gaussian window (sigma 1.5), per channel, zero outside the image. Under a
-// mask the window is normalised by its valid weight and the mean goes over valid pixels, so pixels
-// outside the mask never matter.
+// mask pixel p has a weight m_p in [0, 1]: window weights are multiplied by it and normalised,
+// and both means are weighted by it,
+//   L1 = sum_p m_p |x_p - y_p| / sum_p m_p,  SSIM = sum_p m_p ssim_p / sum_p m_p,
+// so pixels of weight 0 never matter and weights of 0 and 1 are a mask's.
 #import shared/view
 #import shared/loss
 
@@ -13,7 +15,7 @@ const NORM_PLANE = 15u;
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> loss: Loss;
 @group(0) @binding(2) var<storage, read> rendered: array<vec4f>;
-// RGBA8, unpadded rows; alpha 255 where the pixel is valid.
+// RGBA8, unpadded rows; alpha is the pixel's weight, 255 for 1.
 @group(0) @binding(3) var<storage, read> goal: array<u32>;
 // Planes 5c..5c+4: horizontal moments x, y, xx, yy, xy of channel c; 15: window weight. Later
 // planes 3c..3c+2: horizontal sums of the derivatives.
@@ -67,12 +69,14 @@ fn channel_of(texels: vec4u, channel: u32) -> vec4f {
     return vec4f((texels >> vec4u(8u * channel)) & vec4u(255u)) / 255.0;
 }
 
-// 1 where the pixel counts: inside the image and, with a mask, valid.
-fn validity(texels: vec4u, x4: i32) -> vec4f {
+// The pixels' weights: 0 outside the image; inside, 1 or, with a mask, what alpha says.
+fn weights(texels: vec4u, x4: i32) -> vec4f {
     let x = vec4i(4 * x4) + vec4i(0, 1, 2, 3);
     let inside = (x >= vec4i(0)) & (x < vec4i(i32(view.size.x)));
-    let valid = (texels >= vec4u(0xff000000u)) | vec4<bool>(loss.masked == 0u);
-    return select(vec4f(0.0), vec4f(1.0), inside & valid);
+    // A product, unlike a quotient, is exactly 1 for 255 on every driver.
+    let masked = vec4f(texels >> vec4u(24u)) * (1.0 / 255.0);
+    let weight = select(masked, vec4f(1.0), vec4<bool>(loss.masked == 0u));
+    return select(vec4f(0.0), weight, inside);
 }
 
 struct Place {
@@ -99,13 +103,13 @@ fn ssim_horizontal(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups)
     if (!at.inside || at.y >= view.size.y) {
         return;
     }
-    var valid: Strip;
+    var m: Strip;
     #repeat b 5
     let raw_{b} = texels(i32(at.x4) + {b} - 2, at.y);
-    valid.v{b} = validity(raw_{b}, i32(at.x4) + {b} - 2);
+    m.v{b} = weights(raw_{b}, i32(at.x4) + {b} - 2);
     #end
     if (loss.masked != 0u) {
-        moments[plane_index(view, NORM_PLANE, at.x4, at.y)] = convolve(valid);
+        moments[plane_index(view, NORM_PLANE, at.x4, at.y)] = convolve(m);
     }
     for (var channel = 0u; channel < 3u; channel++) {
         var x: Strip;
@@ -113,8 +117,8 @@ fn ssim_horizontal(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups)
         #repeat b 5
         {
             let x4 = u32(clamp(i32(at.x4) + {b} - 2, 0, i32(view.planes.y) - 1));
-            x.v{b} = valid.v{b} * rendered[plane_index(view, channel, x4, at.y)];
-            y.v{b} = valid.v{b} * channel_of(raw_{b}, channel);
+            x.v{b} = rendered[plane_index(view, channel, x4, at.y)];
+            y.v{b} = channel_of(raw_{b}, channel);
         }
         #end
         let plane = N_MOMENTS * channel;
@@ -127,8 +131,9 @@ fn ssim_horizontal(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups)
         {
             let v_x = tap_{k}(x);
             let v_y = tap_{k}(y);
-            let w_x = WINDOW[{k}] * v_x;
-            let w_y = WINDOW[{k}] * v_y;
+            let w = WINDOW[{k}] * tap_{k}(m);
+            let w_x = w * v_x;
+            let w_y = w * v_y;
             m_x += w_x;
             m_y += w_y;
             m_xx += w_x * v_x;
@@ -192,10 +197,10 @@ fn ssim_vertical(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
     var sum = vec4f(0.0);
     #repeat r SSIM_ROWS
     if (at.y + {r}u < view.size.y) {
-        let valid = validity(texels(i32(at.x4), at.y + {r}u), i32(at.x4));
+        let weight = weights(texels(i32(at.x4), at.y + {r}u), i32(at.x4));
         var inv_norm = vec4f(1.0);
         if (loss.masked != 0u) {
-            inv_norm = select(vec4f(0.0), 1.0 / norm.r{r}, valid > vec4f(0.0));
+            inv_norm = select(vec4f(0.0), 1.0 / norm.r{r}, weight > vec4f(0.0));
         }
         let mu_x = m_x.r{r} * inv_norm;
         let mu_y = m_y.r{r} * inv_norm;
@@ -208,8 +213,8 @@ fn ssim_vertical(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
         let d_2 = var_x + var_y + SSIM_C2;
         let inv = 1.0 / (d_1 * d_2);
         let s = n_1 * n_2 * inv;
-        sum += valid * s;
-        let scale = -loss.ssim_scale * valid * inv_norm;
+        sum += weight * s;
+        let scale = -loss.ssim_scale * weight * inv_norm;
         let d_var = -s / d_2;
         let d_cov = 2.0 * n_1 * inv;
         let d_mu = 2.0 * (mu_y * n_2 * inv - mu_x * s / d_1) - 2.0 * mu_x * d_var - mu_y * d_cov;
@@ -256,13 +261,13 @@ fn ssim_vertical_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_work
         d_rendered[plane_index(view, at.channel, at.x4, at.y + {r}u)] = vec4f(0.0);
     } else {
         let raw = texels(i32(at.x4), at.y + {r}u);
-        let valid = validity(raw, i32(at.x4));
+        let weight = weights(raw, i32(at.x4));
         let x = rendered[plane_index(view, at.channel, at.x4, at.y + {r}u)];
         let y = channel_of(raw, at.channel);
-        let difference = valid * (x - y);
+        let difference = weight * (x - y);
         sum += abs(difference);
-        let d_ssim = valid * (d_mu.r{r} + 2.0 * x * d_xx.r{r} + y * d_xy.r{r});
-        d_rendered[plane_index(view, at.channel, at.x4, at.y + {r}u)] = d_ssim + loss.l1_scale * sign(difference);
+        let d_ssim = weight * (d_mu.r{r} + 2.0 * x * d_xx.r{r} + y * d_xy.r{r});
+        d_rendered[plane_index(view, at.channel, at.x4, at.y + {r}u)] = d_ssim + loss.l1_scale * (weight * sign(difference));
     }
     #end
     let index = (group.y * groups.x + group.x) * WORKGROUP + local;

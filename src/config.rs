@@ -182,6 +182,10 @@ pub struct LossConfig {
     pub virtual_weight: f64,
     /// `alpha_k = 1 / (1 + U_conf)`; otherwise 1.
     pub confidence_weighting: bool,
+    /// Weight of a virtual view's pixels that no point covers, against 1 of those that one does;
+    /// their colour is filled in from around. Rounded to a multiple of 1/255; 0: ignored, as the
+    /// paper does.
+    pub fill_weight: f64,
 }
 
 /// Adam with 3DGS's learning rates.

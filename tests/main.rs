@@ -10,6 +10,7 @@ mod comparison;
 mod config;
 mod faults;
 mod field;
+mod fill;
 mod gaussians;
 mod gaussians_ply;
 mod geometry;

@@ -153,9 +153,9 @@ fn pictures_are_averaged_down_and_odd_shapes_fit_their_cell() {
 }
 
 #[test]
-fn masks_are_white_where_set() {
-    let picture = mask_image(2, 1, &[true, false]);
-    assert_eq!(picture.rgb, [255, 255, 255, 0, 0, 0]);
+fn masks_are_as_bright_as_their_weight() {
+    let picture = mask_image(3, 1, &[255, 77, 0]);
+    assert_eq!(picture.rgb, [255, 255, 255, 77, 77, 77, 0, 0, 0]);
 }
 
 #[test]

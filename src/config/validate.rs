@@ -76,7 +76,8 @@ impl Config {
 
         let loss = &self.loss;
         within("loss.ssim_weight", loss.ssim_weight, 0.0..=1.0)?;
-        not_negative("loss.virtual_weight", loss.virtual_weight)
+        not_negative("loss.virtual_weight", loss.virtual_weight)?;
+        within("loss.fill_weight", loss.fill_weight, 0.0..=1.0)
     }
 
     fn validate_visibility(&self) -> Result<()> {

@@ -27,21 +27,27 @@ pub enum Kind {
     Black,
 }
 
-/// Which pixels count.
+/// The weights of pixels.
 #[derive(Clone, Copy, Debug)]
 pub enum MaskKind {
     Half,
     OnePixel,
     Hole,
+    /// The hole at a weight below 1.
+    Filled,
+    /// Every weight at random.
+    Any,
     Full,
     Empty,
 }
 
 impl MaskKind {
-    pub const ALL: [MaskKind; 5] = [
+    pub const ALL: [MaskKind; 7] = [
         MaskKind::Half,
         MaskKind::OnePixel,
         MaskKind::Hole,
+        MaskKind::Filled,
+        MaskKind::Any,
         MaskKind::Full,
         MaskKind::Empty,
     ];
@@ -51,25 +57,37 @@ impl MaskKind {
             MaskKind::Half => "half",
             MaskKind::OnePixel => "one pixel",
             MaskKind::Hole => "hole",
+            MaskKind::Filled => "filled",
+            MaskKind::Any => "any",
             MaskKind::Full => "full",
             MaskKind::Empty => "empty",
         }
     }
 
-    fn of(self, width: usize, height: usize) -> Vec<bool> {
+    /// Weights in 255ths, `height * width`.
+    fn of(self, width: usize, height: usize) -> Vec<u8> {
         let n = width * height;
         let mut random = Random::new(n as u64);
-        let keep = |pixel: usize| {
+        let weight = |pixel: usize| {
             let (x, y) = (pixel % width, pixel / width);
+            let in_hole = x > width / 4 && y > height / 4 && x < width / 2;
             match self {
-                MaskKind::Half => random.uniform(0.0, 1.0) < 0.5,
-                MaskKind::OnePixel => pixel == n / 2,
-                MaskKind::Hole => !(x > width / 4 && y > height / 4 && x < width / 2),
-                MaskKind::Full => true,
-                MaskKind::Empty => false,
+                MaskKind::Half => 255 * u8::from(random.uniform(0.0, 1.0) < 0.5),
+                MaskKind::OnePixel => 255 * u8::from(pixel == n / 2),
+                MaskKind::Hole => 255 * u8::from(!in_hole),
+                MaskKind::Filled => {
+                    if in_hole {
+                        77
+                    } else {
+                        255
+                    }
+                }
+                MaskKind::Any => random.uniform(0.0, 256.0) as u8,
+                MaskKind::Full => 255,
+                MaskKind::Empty => 0,
             }
         };
-        (0..n).map(keep).collect()
+        (0..n).map(weight).collect()
     }
 }
 
@@ -147,16 +165,16 @@ pub fn examine(ctx: &Context, case: &LossCase) -> Result<Findings> {
     let kind_name = format!("{kind:?}").to_lowercase();
     let mut out = Findings::of(format!("{kind_name}{mask_name} {width}x{height}"));
     let (goal, render) = images(kind, size);
-    let mask = mask.map(|mask| mask.of(width, height));
-    let n_valid = mask
-        .as_ref()
-        .map_or(n, |m| m.iter().filter(|v| **v).count());
+    let alpha = mask.map_or(vec![255; n], |mask| mask.of(width, height));
+    let weights: Vec<f64> = alpha.iter().map(|a| f64::from(*a) / 255.0).collect();
+    let n_valid = alpha.iter().filter(|a| **a > 0).count();
+    let total: f64 = weights.iter().sum();
 
     let rig = rig(ctx, size)?;
     rig.poison(ctx);
     rig.write_image(ctx, "rendered", &render, &vec![0.5; n], 7.0);
-    let uniform = LossUniform::new(1.0, SSIM_WEIGHT, n_valid, mask.is_some());
-    let [l1, ssim] = rig.loss(ctx, uniform, &texels(&goal, mask.as_deref()))?;
+    let uniform = LossUniform::new(1.0, SSIM_WEIGHT, total, mask.is_some());
+    let [l1, ssim] = rig.loss(ctx, uniform, &texels(&goal, &alpha))?;
     let ours = rig.read_rgb(ctx, "d_rendered")?;
     let padded = wide(&rig.read::<f32>(ctx, "d_rendered", 12 * rig.view.plane_len())?);
     let n_not_zero = |v: &[f64]| v.iter().filter(|x| **x != 0.0).count();
@@ -172,7 +190,7 @@ pub fn examine(ctx: &Context, case: &LossCase) -> Result<Findings> {
     let twin = loss(
         &render,
         &target,
-        mask.as_deref(),
+        mask.map(|_| weights.as_slice()),
         width,
         height,
         SSIM_WEIGHT,
@@ -188,18 +206,17 @@ pub fn examine(ctx: &Context, case: &LossCase) -> Result<Findings> {
         Kind::Equal | Kind::Black => {
             let largest = ours.iter().fold(0.0f64, |m, d| m.max(d.abs()));
             let what = (stage, "largest gradient, in pixels");
-            out.add(what, largest * n_valid as f64, 1.0);
+            out.add(what, largest * total, 1.0);
         }
         _ => out.close((stage, "gradient"), &ours, &twin.d_render, bound),
     }
     Ok(out)
 }
 
-/// RGBA8 of a goal, alpha 255 where it counts.
-fn texels(goal: &[u8], mask: Option<&[bool]>) -> Vec<u32> {
-    let texel = |(i, p): (usize, &[u8])| {
-        let alpha = if mask.is_none_or(|m| m[i]) { 255 } else { 0 };
-        u32::from_le_bytes([p[0], p[1], p[2], alpha])
-    };
-    goal.chunks_exact(3).enumerate().map(texel).collect()
+/// RGBA8 of a goal.
+fn texels(goal: &[u8], alpha: &[u8]) -> Vec<u32> {
+    let pixels = goal.chunks_exact(3).zip(alpha);
+    pixels
+        .map(|(p, alpha)| u32::from_le_bytes([p[0], p[1], p[2], *alpha]))
+        .collect()
 }

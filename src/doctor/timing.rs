@@ -190,7 +190,7 @@ pub fn time_rest(ctx: &Context) -> Result<Vec<Timing>> {
     let config = adam::config()?;
     for _ in 0..ROUNDS {
         for (stage, masked) in [(stage::LOSS, false), (stage::MASKED_LOSS, true)] {
-            let uniform = LossUniform::new(1.0, loss::SSIM_WEIGHT, n_pixels, masked);
+            let uniform = LossUniform::new(1.0, loss::SSIM_WEIGHT, n_pixels as f64, masked);
             let pass = rig.pass(ctx);
             let seconds = watch.run(|commands| pass.loss(commands, uniform))?;
             watch.keep(stage, seconds);

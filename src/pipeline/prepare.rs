@@ -1,6 +1,8 @@
 //! Everything between the scene and the first iteration: focus, field, carving, virtual views,
 //! their point splats, and the Gaussians to start from.
 
+use rayon::prelude::*;
+
 use super::{Clock, cameras, focus_of};
 use crate::camera::{Camera, Frame};
 use crate::carve::{Carved, carve};
@@ -10,7 +12,7 @@ use crate::field::{Coverage, Field, Focus, fibonacci_sphere};
 use crate::gaussians::Gaussians;
 use crate::run::Seconds;
 use crate::scene::{Image, PointCloud, Scene, thin};
-use crate::splat::{SplatImage, splat_views};
+use crate::splat::{SplatImage, fill_holes, splat_views};
 use crate::train::{Supervision, TrainingView};
 use crate::views::{VirtualView, candidates, virtual_views};
 use crate::visibility::candidate_shares;
@@ -50,6 +52,7 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     seconds.sample = Some(clock.lap());
     let near = config.model.near;
     let splats = splat_views(cloud, &frame, &virtual_cameras, &config.splat, near)?;
+    let goals = virtual_goals(splats, config.loss.fill_weight);
     seconds.splat = Some(clock.lap());
 
     let thinned = thin(cloud, n_start(scene, config), config.seed);
@@ -66,7 +69,7 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
         ));
     }
     Ok(Prepared {
-        supervision: supervision(scene, &frame, coverage, &virtual_views, splats),
+        supervision: supervision(scene, &frame, coverage, &virtual_views, goals),
         warnings,
         carved,
         frame,
@@ -122,25 +125,14 @@ fn supervision(
     frame: &Frame,
     coverage: Coverage,
     virtual_views: &[VirtualView],
-    splats: Vec<SplatImage>,
+    goals: Vec<Vec<u32>>,
 ) -> Supervision {
-    let real = scene.train.iter().map(|view| TrainingView {
-        camera: frame.camera_to_canonical(&view.camera),
-        goal: texels(&view.image),
-        n_valid: n_pixels(&view.image),
-        masked: false,
-        weight: 1.0,
+    let real = scene.train.iter().map(|view| {
+        TrainingView::photograph(frame.camera_to_canonical(&view.camera), texels(&view.image))
     });
-    let virtual_views = virtual_views
-        .iter()
-        .zip(splats)
-        .map(|(view, splat)| TrainingView {
-            camera: frame.camera_to_canonical(&view.camera),
-            goal: bytemuck::pod_collect_to_vec(&splat.rgba),
-            n_valid: splat.mask().filter(|&valid| valid).count(),
-            masked: true,
-            weight: view.alpha,
-        });
+    let virtual_views = virtual_views.iter().zip(goals).map(|(view, goal)| {
+        TrainingView::masked(frame.camera_to_canonical(&view.camera), goal, view.alpha)
+    });
     let real: Vec<TrainingView> = real.collect();
     Supervision {
         extent: extent(&real),
@@ -148,6 +140,17 @@ fn supervision(
         virtual_views: virtual_views.collect(),
         coverage,
     }
+}
+
+/// What the virtual views are compared with: the splats, with alpha 255 times the weight of a pixel
+/// as [`TrainingView`] wants it. At a `fill_weight` above 0 their holes are filled.
+fn virtual_goals(splats: Vec<SplatImage>, fill_weight: f64) -> Vec<Vec<u32>> {
+    let weight = (255.0 * fill_weight).round() as u8;
+    let goal = |splat: SplatImage| match weight {
+        0 => bytemuck::pod_collect_to_vec(&splat.rgba),
+        weight => bytemuck::pod_collect_to_vec(&fill_holes(&splat, weight)),
+    };
+    splats.into_par_iter().map(goal).collect()
 }
 
 /// RGBA8 with alpha 255, red in the lowest byte.

@@ -261,7 +261,7 @@ fn write_virtual_sheet(run: &RunDir, views: &[TrainingView]) -> Result<()> {
             .iter()
             .flat_map(|t| t.to_le_bytes().into_iter().take(3))
             .collect();
-        let mask: Vec<bool> = goal.iter().map(|&texel| texel >= 0xff00_0000).collect();
+        let mask: Vec<u8> = goal.iter().map(|texel| texel.to_le_bytes()[3]).collect();
         sheet.add(&[
             &Image { width, height, rgb },
             &mask_image(width, height, &mask),

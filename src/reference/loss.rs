@@ -31,39 +31,40 @@ pub fn window() -> Vec<f64> {
 /// The loss of `render` against `target`, both `height * width * 3`, and its gradient to `render`.
 ///
 /// Without a mask the windows are zero-padded and everything is a mean over all values. With one,
-/// L1 is the mean over the valid pixels, a window's weights are those of its valid pixels,
-/// normalised, and SSIM is the mean over valid centres; invalid pixels are never read. With no
-/// valid pixel the loss and its gradient are 0.
+/// a weight of every pixel, L1 is the mean over the pixels by weight, a window's weights are
+/// multiplied by those of its pixels and normalised, and SSIM is the mean over the centres by
+/// weight; pixels of weight 0 are never read. With nothing but those the loss and its gradient
+/// are 0.
 pub fn loss(
     render: &[f64],
     target: &[f64],
-    mask: Option<&[bool]>,
+    mask: Option<&[f64]>,
     width: usize,
     height: usize,
     ssim_weight: f64,
 ) -> TwinLoss {
     assert_eq!(render.len(), width * height * 3);
     assert_eq!(target.len(), render.len());
-    let valid = |pixel: usize| mask.is_none_or(|m| m[pixel]);
-    let n = 3 * (0..width * height).filter(|&p| valid(p)).count();
+    let of = |pixel: usize| mask.map_or(1.0, |m| m[pixel]);
+    let total = 3.0 * (0..width * height).map(of).sum::<f64>();
     let mut out = TwinLoss {
         loss: 0.0,
         l1: 0.0,
         ssim: 1.0,
         d_render: vec![0.0; render.len()],
     };
-    if n == 0 {
+    if total == 0.0 {
         return out;
     }
     let mut l1 = 0.0;
-    for i in (0..render.len()).filter(|i| valid(i / 3)) {
+    for i in (0..render.len()).filter(|i| of(i / 3) > 0.0) {
         let difference = render[i] - target[i];
-        l1 += difference.abs();
+        l1 += of(i / 3) * difference.abs();
         if difference != 0.0 {
-            out.d_render[i] = (1.0 - ssim_weight) * difference.signum() / n as f64;
+            out.d_render[i] = (1.0 - ssim_weight) * of(i / 3) * difference.signum() / total;
         }
     }
-    out.l1 = l1 / n as f64;
+    out.l1 = l1 / total;
 
     let weights = window();
     let channels: Vec<(f64, Vec<f64>)> = (0..3)
@@ -73,28 +74,28 @@ pub fn loss(
             let y: Vec<f64> = target.iter().skip(c).step_by(3).copied().collect();
             let mut sum = 0.0;
             let mut d_x = vec![0.0; x.len()];
-            for center in (0..x.len()).filter(|&p| valid(p)) {
+            for center in (0..x.len()).filter(|&p| of(p) > 0.0) {
                 let window = window_at(center, mask, width, height, &weights);
-                sum += window_ssim(&x, &y, &window, &mut d_x);
+                sum += of(center) * window_ssim(&x, &y, &window, of(center), &mut d_x);
             }
             (sum, d_x)
         })
         .collect();
-    out.ssim = channels.iter().map(|(sum, _)| sum).sum::<f64>() / n as f64;
+    out.ssim = channels.iter().map(|(sum, _)| sum).sum::<f64>() / total;
     for (c, (_, d_x)) in channels.iter().enumerate() {
         for (pixel, d) in d_x.iter().enumerate() {
-            out.d_render[pixel * 3 + c] -= ssim_weight * d / n as f64;
+            out.d_render[pixel * 3 + c] -= ssim_weight * d / total;
         }
     }
     out.loss = (1.0 - ssim_weight) * out.l1 + ssim_weight * (1.0 - out.ssim);
     out
 }
 
-/// Pixels and weights of the window around a pixel: those inside the image and valid, normalised
-/// if there is a mask.
+/// Pixels and weights of the window around a pixel: those inside the image and of some weight,
+/// normalised if there is a mask.
 fn window_at(
     center: usize,
-    mask: Option<&[bool]>,
+    mask: Option<&[f64]>,
     width: usize,
     height: usize,
     weights: &[f64],
@@ -105,8 +106,11 @@ fn window_at(
         .filter_map(|(k, &weight)| {
             let x = (center % width).checked_add_signed(k % side - RADIUS)?;
             let y = (center / width).checked_add_signed(k / side - RADIUS)?;
-            let inside = x < width && y < height && mask.is_none_or(|m| m[y * width + x]);
-            inside.then_some((y * width + x, weight))
+            if x >= width || y >= height {
+                return None;
+            }
+            let weight = weight * mask.map_or(1.0, |m| m[y * width + x]);
+            (weight > 0.0).then_some((y * width + x, weight))
         })
         .collect();
     if mask.is_some() {
@@ -116,8 +120,8 @@ fn window_at(
     window
 }
 
-/// SSIM of one window of one channel; adds its gradient to `d_x`.
-fn window_ssim(x: &[f64], y: &[f64], window: &[(usize, f64)], d_x: &mut [f64]) -> f64 {
+/// SSIM of one window of one channel; adds `scale` times its gradient to `d_x`.
+fn window_ssim(x: &[f64], y: &[f64], window: &[(usize, f64)], scale: f64, d_x: &mut [f64]) -> f64 {
     let mean = |f: &dyn Fn(usize) -> f64| window.iter().map(|&(p, w)| w * f(p)).sum::<f64>();
     let (mx, my) = (mean(&|p| x[p]), mean(&|p| y[p]));
     let (mxx, myy) = (mean(&|p| x[p] * x[p]), mean(&|p| y[p] * y[p]));
@@ -135,7 +139,7 @@ fn window_ssim(x: &[f64], y: &[f64], window: &[(usize, f64)], d_x: &mut [f64]) -
         * (2.0 * my / luminance[0] - 2.0 * mx / luminance[1] - 2.0 * my / contrast[0]
             + 2.0 * mx / contrast[1]);
     for &(p, w) in window {
-        d_x[p] += w * (d_mx + 2.0 * x[p] * d_mxx + y[p] * d_mxy);
+        d_x[p] += scale * w * (d_mx + 2.0 * x[p] * d_mxx + y[p] * d_mxy);
     }
     ssim
 }

@@ -126,12 +126,15 @@ pub struct LossUniform {
 }
 
 impl LossUniform {
-    /// `weight ((1 - ssim_weight) L1 + ssim_weight (1 - SSIM))`, means over `n_valid` pixels.
-    pub fn new(weight: f64, ssim_weight: f64, n_valid: usize, masked: bool) -> Self {
-        let mean_scale = if n_valid == 0 {
-            0.0
+    /// `weight ((1 - ssim_weight) L1 + ssim_weight (1 - SSIM))`. With a mask the goal's alpha is
+    /// the pixels' weight `m_p`, and both means are weighted by it: `L1 = sum m_p |x_p - y_p| /
+    /// sum m_p`, SSIM likewise with the weights in its windows, too. `total_weight` is
+    /// `sum m_p`, without a mask the number of pixels.
+    pub fn new(weight: f64, ssim_weight: f64, total_weight: f64, masked: bool) -> Self {
+        let mean_scale = if total_weight > 0.0 {
+            1.0 / (3.0 * total_weight)
         } else {
-            1.0 / (3.0 * n_valid as f64)
+            0.0
         };
         LossUniform {
             l1_scale: (weight * (1.0 - ssim_weight) * mean_scale) as f32,

@@ -171,14 +171,11 @@ fn shrunk(picture: &Image, width: u32, height: u32) -> Result<ImageBuffer<Rgb<u8
     ))
 }
 
-/// A mask (`height * width`) as a picture: set pixels white, others black.
-pub fn mask_image(width: u32, height: u32, mask: &[bool]) -> Image {
+/// A mask (`height * width`) as a picture: grey from black, 0, to white, 255.
+pub fn mask_image(width: u32, height: u32, mask: &[u8]) -> Image {
     Image {
         width,
         height,
-        rgb: mask
-            .iter()
-            .flat_map(|&set| [if set { 255 } else { 0 }; 3])
-            .collect(),
+        rgb: mask.iter().flat_map(|&weight| [weight; 3]).collect(),
     }
 }

@@ -1,8 +1,11 @@
-//! Point splatting: the cloud drawn into a camera as squares, with a mask of what it covers.
+//! Point splatting: the cloud drawn into a camera as squares, with a mask of what it covers, and
+//! the holes between filled from around.
 
+mod fill;
 mod filter;
 mod z_buffer;
 
+pub use fill::fill_holes;
 pub(crate) use filter::Filter;
 pub(crate) use z_buffer::{Points, Winner, ZBuffer};
 

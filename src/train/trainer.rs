@@ -27,14 +27,36 @@ const RESET_OPACITY: f64 = 0.01;
 pub struct TrainingView {
     /// Canonical frame.
     pub camera: Camera,
-    /// RGBA8, `height * width`, red in the lowest byte; alpha 255 where the pixel counts.
+    /// RGBA8, `height * width`, red in the lowest byte; alpha / 255 is the pixel's weight.
     pub goal: Vec<u32>,
-    /// Number of pixels that count.
-    pub n_valid: usize,
-    /// Whether some pixels do not count.
+    /// Sum of the pixels' weights.
+    pub total_weight: f64,
+    /// Whether pixels may weigh less than 1; SSIM's windows are normalised then.
     pub masked: bool,
     /// Weight of its loss: 1 for real views, `alpha_k` for virtual ones.
     pub weight: f64,
+}
+
+impl TrainingView {
+    /// A photograph: every pixel weighs 1, as does its loss.
+    pub fn photograph(camera: Camera, goal: Vec<u32>) -> TrainingView {
+        TrainingView {
+            masked: false,
+            ..Self::masked(camera, goal, 1.0)
+        }
+    }
+
+    /// A view of which every pixel weighs what its alpha says.
+    pub fn masked(camera: Camera, goal: Vec<u32>, weight: f64) -> TrainingView {
+        let total: u64 = goal.iter().map(|texel| u64::from(texel >> 24)).sum();
+        TrainingView {
+            camera,
+            goal,
+            total_weight: total as f64 / 255.0,
+            masked: true,
+            weight,
+        }
+    }
 }
 
 /// What a training run learns from, in the canonical frame.
@@ -274,7 +296,7 @@ impl<'a> Trainer<'a> {
         for (slot, (view, uniform)) in chosen.into_iter().flatten().enumerate() {
             let scale = [1.0, config.loss.virtual_weight][slot];
             let w = config.loss.ssim_weight;
-            let loss = LossUniform::new(view.weight * scale, w, view.n_valid, view.masked);
+            let loss = LossUniform::new(view.weight * scale, w, view.total_weight, view.masked);
             self.workspace.set_goal(self.gpu, slot, &view.goal);
             let pass = Pass::new(
                 self.gpu,

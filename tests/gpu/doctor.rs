@@ -35,7 +35,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-const PLANTS: [Plant; 14] = [
+const PLANTS: [Plant; 15] = [
     plant(
         "project",
         "+ DILATION;",
@@ -83,6 +83,12 @@ const PLANTS: [Plant; 14] = [
         "2.0 * cov + SSIM_C2",
         "2.0 * cov + 1.01 * SSIM_C2",
         stage::LOSS,
+    ),
+    plant(
+        "ssim",
+        "* (1.0 / 255.0);\n    let weight = select(masked,",
+        "* (1.0 / 255.0);\n    let weight = select(ceil(masked),",
+        stage::MASKED_LOSS,
     ),
     plant(
         "loss_sum",
@@ -143,7 +149,7 @@ fn findings_with(plant: &Plant) -> Vec<Finding> {
 fn findings(ctx: &Context) -> Result<Vec<Finding>> {
     let view = ViewCase::new("ordinary", &random_scene(400, 2, 2), 1, (61, 47), ORDINARY);
     let mut findings = view::examine(ctx, &view)?.0.list;
-    for mask in [None, Some(MaskKind::Half)] {
+    for mask in [None, Some(MaskKind::Any)] {
         let (size, kind) = ((33, 17), Kind::Noise);
         findings.extend(loss::examine(ctx, &LossCase { size, kind, mask })?.list);
     }

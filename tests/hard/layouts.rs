@@ -166,12 +166,9 @@ fn virtual_views_at_the_poles_are_learned_from() {
     prepared.supervision.virtual_views = cameras
         .iter()
         .zip(&splats)
-        .map(|(camera, splat)| TrainingView {
-            camera: prepared.frame.camera_to_canonical(camera),
-            goal: bytemuck::pod_collect_to_vec(&splat.rgba),
-            n_valid: splat.mask().filter(|valid| *valid).count(),
-            masked: true,
-            weight: 1.0,
+        .map(|(camera, splat)| {
+            let camera = prepared.frame.camera_to_canonical(camera);
+            TrainingView::masked(camera, bytemuck::pod_collect_to_vec(&splat.rgba), 1.0)
         })
         .collect();
     config.views.count = 2;

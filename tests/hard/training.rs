@@ -66,9 +66,7 @@ fn with_mask(valid: impl Fn(usize) -> bool) -> Supervision {
             *texel & 0x00ff_ffff
         };
     }
-    view.masked = true;
-    view.n_valid = view.goal.iter().filter(|t| **t >= 0xff00_0000).count();
-    supervision.virtual_views = vec![view];
+    supervision.virtual_views = vec![TrainingView::masked(view.camera, view.goal, 1.0)];
     supervision
 }
 

@@ -28,17 +28,29 @@ fn images(seed: u64) -> (Vec<f64>, Vec<f64>) {
 }
 
 /// Half of the pixels at random, a hole wider than the window, one pixel alone in it.
-fn mask(seed: u64) -> Vec<bool> {
+fn mask(seed: u64) -> Vec<f64> {
     let mut random = Random::new(seed);
-    let mut mask: Vec<bool> = (0..W * H).map(|_| random.uniform(0.0, 1.0) < 0.5).collect();
+    let mut mask: Vec<f64> = (0..W * H)
+        .map(|_| random.uniform(0.0, 2.0).floor())
+        .collect();
     for pixel in (0..W * H).filter(|p| p % W >= 5) {
-        mask[pixel] = false;
+        mask[pixel] = 0.0;
     }
-    mask[5 * W + 12] = true;
+    mask[5 * W + 12] = 1.0;
     mask
 }
 
-fn check(mask: Option<&[bool]>, ssim_weight: f64, seed: u64) {
+/// That mask with its other pixels at a weight below 1, or some of them.
+fn filled_mask(seed: u64) -> Vec<f64> {
+    let mut random = Random::new(seed + 1);
+    let filled = |m: &f64| match random.uniform(0.0, 1.0) {
+        u if *m == 0.0 && u < 0.8 => 0.3 * u,
+        _ => *m,
+    };
+    mask(seed).iter().map(filled).collect()
+}
+
+fn check(mask: Option<&[f64]>, ssim_weight: f64, seed: u64) {
     let (x, y) = images(seed);
     let at = |x: &[f64]| loss(x, &y, mask, W, H, ssim_weight);
     let differences: Vec<f64> = (0..x.len())
@@ -66,6 +78,7 @@ fn loss_gradients_match_central_differences() {
 fn masked_loss_gradients_match_central_differences() {
     for ssim_weight in [0.2, 1.0] {
         check(Some(&mask(2)), ssim_weight, 1);
+        check(Some(&filled_mask(2)), ssim_weight, 1);
     }
 }
 
@@ -107,6 +120,23 @@ fn losses_have_the_values_worked_out_by_hand() {
     let flat = loss(&[a; W * H * 3], &[b; W * H * 3], Some(&mask(3)), W, H, 0.2);
     assert_near(flat.l1, 0.5);
     assert_near(flat.ssim, (2.0 * a * b + c1) / (a * a + b * b + c1));
+    // Pixels of weight 1 and 0.25, off by 0.5 and 0.1: L1 is (0.5 + 0.25 * 0.1) / 1.25. Both
+    // windows hold both pixels, at 1 and f, and 0.25 f and 0.25, f the fall-off of one step.
+    let (x, y) = ([0.8, 0.8, 0.8, 0.4, 0.4, 0.4], [0.3; 6]);
+    let two = loss(&x, &y, Some(&[1.0, 0.25]), 2, 1, 0.2);
+    assert_near(two.l1, 0.42);
+    let f = (-1.0f64 / 4.5).exp();
+    let at = |[w, v]: [f64; 2]| {
+        let [w, v] = [w / (w + v), v / (w + v)];
+        let mean = 0.8 * w + 0.4 * v;
+        let variance = 0.64 * w + 0.16 * v - mean * mean;
+        let luminance = (2.0 * 0.3 * mean + c1) / (mean * mean + 0.09 + c1);
+        luminance * c2 / (variance + c2)
+    };
+    assert_near(
+        two.ssim,
+        (at([1.0, 0.25 * f]) + 0.25 * at([f, 0.25])) / 1.25,
+    );
     // One channel off by 0.3 at one of two pixels.
     let part = loss(&[0.0, 0.3, 0.0, 0.0, 0.0, 0.0], &[0.0; 6], None, 2, 1, 0.0);
     assert_near(part.l1, 0.05);
@@ -119,11 +149,11 @@ fn losses_have_the_values_worked_out_by_hand() {
 }
 
 #[test]
-fn invalid_pixels_never_matter() {
+fn pixels_of_weight_zero_never_matter() {
     let (mut x, mut y) = images(5);
-    let mask = mask(6);
+    let mask = filled_mask(6);
     let before = loss(&x, &y, Some(&mask), W, H, 0.2);
-    for pixel in (0..W * H).filter(|&p| !mask[p]) {
+    for pixel in (0..W * H).filter(|&p| mask[p] == 0.0) {
         x[pixel * 3 + 1] = f64::NAN;
         y[pixel * 3 + 2] = 1e9;
         assert_eq!(before.d_render[pixel * 3..pixel * 3 + 3], [0.0; 3]);
@@ -134,9 +164,9 @@ fn invalid_pixels_never_matter() {
 }
 
 #[test]
-fn a_mask_with_no_valid_pixel_gives_zero() {
+fn a_mask_of_nothing_gives_zero() {
     let (x, y) = images(7);
-    let none = loss(&x, &y, Some(&[false; W * H]), W, H, 0.2);
+    let none = loss(&x, &y, Some(&[0.0; W * H]), W, H, 0.2);
     assert_eq!(none.loss, 0.0);
     assert!(none.d_render.iter().all(|&d| d == 0.0));
 }
