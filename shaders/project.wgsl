@@ -8,6 +8,7 @@
 // Gaussian is not drawn.
 #import shared/view
 #import shared/gaussian
+#import shared/dropout
 #import shared/sh
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -29,12 +30,16 @@ fn project(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups:
     let g2 = geometry[2u * stride + id];
     let g = Gaussian(g0.xyz, g0.w, g1.xyz, g2);
     splats[stride + id] = vec4f(0.0);
+    if (is_dropped(view, id)) {
+        return;
+    }
 
     let o = project_gaussian(view, g);
     if (!(o.p.z > view.center_near.w)) {
         return;
     }
-    let opacity = sigmoid(g.opacity_logit);
+    // Above 1 it widens the core in which alpha is capped.
+    let opacity = sigmoid(g.opacity_logit) / kept_share(view);
     let reach = log2(255.0 * opacity);
     if (!(reach > 0.0)) {
         return;

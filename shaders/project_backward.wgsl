@@ -3,6 +3,7 @@
 // normalisation to the stored parameters. The step's first view writes, its second adds.
 #import shared/view
 #import shared/gaussian
+#import shared/dropout
 #import shared/sh
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -141,7 +142,8 @@ fn project_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
         q.x * (r_0.y - r_1.x) + q.y * (r_0.z + r_2.x) + q.z * (r_1.z + r_2.y) - 2.0 * q.w * (r_0.x + r_1.y),
     );
     let d_rotation = (d_q - q * dot(q, d_q)) / norm;
-    let d_opacity_logit = a.x * (1.0 - s1.y);
+    // a.x = dL/dopacity opacity for the opacity drawn, sigmoid(logit) / (1 - p).
+    let d_opacity_logit = a.x * (1.0 - kept_share(view) * s1.y);
 
     var d_0 = vec4f(d_mean, d_opacity_logit);
     var d_1 = vec4f(d_scale_log, 0.0);

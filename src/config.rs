@@ -27,6 +27,7 @@ pub struct Config {
     pub splat: SplatConfig,
     pub model: ModelConfig,
     pub loss: LossConfig,
+    pub dropout: DropoutConfig,
     pub optimizer: OptimizerConfig,
     pub densify: DensifyConfig,
     pub coverage: CoverageConfig,
@@ -186,6 +187,16 @@ pub struct LossConfig {
     /// their colour is filled in from around. Rounded to a multiple of 1/255; 0: ignored, as the
     /// paper does.
     pub fill_weight: f64,
+}
+
+/// Dropout of Gaussians in training.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DropoutConfig {
+    /// Probability at the end; it rises linearly from 0. In every iteration each Gaussian is left
+    /// out of both views' renders with this probability, and the opacity of the others is
+    /// divided by one less it (DropGaussian, Park et al. 2025). The file needs no correction.
+    pub rate_end: f64,
 }
 
 /// Adam with 3DGS's learning rates.

@@ -14,7 +14,8 @@ struct View {
     background: vec4f,
     // Image width and height in pixels, tiles across and down.
     size: vec4u,
-    // Number of Gaussians, their stride in planar buffers, 0, 0.
+    // Number of Gaussians, their stride in planar buffers; 2^32 times the probability of dropout,
+    // its key.
     counts: vec4u,
     // x: pixels a plane of the padded image / 4, y: vec4s a row, z: this view's slot in the step.
     planes: vec4u,

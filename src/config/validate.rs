@@ -77,7 +77,14 @@ impl Config {
         let loss = &self.loss;
         within("loss.ssim_weight", loss.ssim_weight, 0.0..=1.0)?;
         not_negative("loss.virtual_weight", loss.virtual_weight)?;
-        within("loss.fill_weight", loss.fill_weight, 0.0..=1.0)
+        within("loss.fill_weight", loss.fill_weight, 0.0..=1.0)?;
+        let rate = self.dropout.rate_end;
+        ensure(
+            (0.0..1.0).contains(&rate),
+            "dropout.rate_end",
+            rate,
+            "at least 0 and below 1",
+        )
     }
 
     fn validate_visibility(&self) -> Result<()> {

@@ -9,6 +9,7 @@ use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
 use crate::gpu::shader::{self, Sources};
 use crate::gpu::{Buffer, Commands, Gpu};
+use crate::reference::dropout::TwinDropout;
 use crate::reference::model::{TwinCamera, TwinGaussians};
 use crate::render::{
     Bound, Capacity, Kernels, LossUniform, Model, Pass, Rendered, ViewUniform, Workspace,
@@ -302,12 +303,19 @@ pub fn twin_of(camera: &Camera, near: f64) -> TwinCamera {
         cy: camera.cy,
         near,
         background: [0.0; 3],
+        dropout: None,
     }
 }
 
 /// The view that a twin's camera sees.
 pub fn view_of(twin: &TwinCamera) -> ViewUniform {
-    ViewUniform::new(&camera_of(twin), twin.near, twin.background)
+    let view = ViewUniform::new(&camera_of(twin), twin.near, twin.background);
+    match twin.dropout {
+        Some(TwinDropout { threshold, key }) => {
+            view.with_dropout(f64::from(threshold) / 2f64.powi(32), key)
+        }
+        None => view,
+    }
 }
 
 /// Values as f64.

@@ -7,6 +7,7 @@ use super::rig::{Context, Rig};
 use crate::error::Result;
 use crate::gpu::Commands;
 use crate::reference::cases::{TwinCase, huge, layers, loss_weights, needles, random_scene};
+use crate::reference::dropout::TwinDropout;
 use crate::reference::model::{TwinCamera, TwinGaussians};
 use crate::reference::raster::{backward, render};
 use crate::reference::tolerance;
@@ -65,6 +66,15 @@ impl ViewCase {
     }
 }
 
+/// Camera 1 of a case, each Gaussian left out with probability `percent` / 100.
+pub fn dropout_case(case: &TwinCase, percent: u32, key: u32) -> ViewCase {
+    let name = format!("dropout {percent} %");
+    let mut view = ViewCase::new(&name, case, 1, (61, 47), ORDINARY);
+    let threshold = u32::MAX / 100 * percent;
+    view.camera.dropout = Some(TwinDropout { threshold, key });
+    view
+}
+
 /// The size at which stages are timed.
 pub const TIMED_GAUSSIANS: usize = 20_000;
 pub const TIMED_SIZE: (usize, usize) = (320, 213);
@@ -86,6 +96,7 @@ pub fn small_cases() -> Vec<ViewCase> {
         ViewCase::new("screen covers", &huge(60, 6), 0, (97, 63), COVERS),
         ViewCase::new("equal depths", &layers(8, 40, 7), 0, (81, 53), ORDINARY),
         ViewCase::new("needles", &needles(80, 8), 0, (160, 104), NEEDLES),
+        dropout_case(&ordinary(2, 9), 40, 1),
     ]
 }
 

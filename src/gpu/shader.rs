@@ -13,6 +13,7 @@ macro_rules! sources {
 const SHARED: &[(&str, &str)] = sources![
     "shared/view",
     "shared/gaussian",
+    "shared/dropout",
     "shared/sh",
     "shared/tile",
     "shared/loss",

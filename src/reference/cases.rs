@@ -58,6 +58,7 @@ pub fn looking_at(eye: Vec3, target: Vec3) -> TwinCamera {
         cy: 52.0,
         near: f32_exact(0.02),
         background: [0.0; 3],
+        dropout: None,
     }
 }
 

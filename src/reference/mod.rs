@@ -10,6 +10,7 @@ pub mod adam;
 pub mod bin;
 pub mod cases;
 pub mod compare;
+pub mod dropout;
 pub mod field;
 pub mod linalg;
 pub mod loss;

@@ -1,5 +1,6 @@
 //! What the twins work on: Gaussians, a camera, splats on screen and gradients.
 
+use super::dropout::TwinDropout;
 use super::linalg::{Mat3, Vec3, apply, transpose};
 
 /// Gaussians as stored (raw parameters); all vectors have one entry a Gaussian.
@@ -37,6 +38,7 @@ pub struct TwinCamera {
     pub cy: f64,
     pub near: f64,
     pub background: Vec3,
+    pub dropout: Option<TwinDropout>,
 }
 
 impl TwinCamera {
@@ -68,6 +70,11 @@ impl TwinCamera {
         ]
     }
 
+    /// What Gaussian `i`'s opacity is multiplied by.
+    pub fn opacity_factor(&self, i: usize) -> f64 {
+        self.dropout.map_or(1.0, |dropout| dropout.factor(i))
+    }
+
     /// The same view at another size: intrinsics scale with it.
     pub fn resized(&self, width: usize, height: usize) -> Self {
         let sx = width as f64 / self.width as f64;
@@ -88,7 +95,7 @@ impl TwinCamera {
 /// A projected Gaussian. Where not `valid`, everything but `depth` is 0.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TwinSplat {
-    /// In front of the near plane.
+    /// In front of the near plane and not dropped.
     pub valid: bool,
     /// Pixels.
     pub mean2d: [f64; 2],

@@ -72,11 +72,17 @@ fn jacobian(p: &Vec3, camera: &TwinCamera) -> Jacobian {
     }
 }
 
+fn sigmoid(x: f64) -> f64 {
+    1.0 / (1.0 + (-x).exp())
+}
+
 /// Projects Gaussian `i`: `cov2d = (J W R S)(J W R S)^T + 0.3 I`, colour
-/// `max(0, 0.5 + sum_k Y_k sh_k)`, opacity `sigmoid(logit)`; valid iff `p.z > near`.
+/// `max(0, 0.5 + sum_k Y_k sh_k)`, opacity `sigmoid(logit)` times the dropout's factor; valid iff
+/// `p.z > near` and not dropped.
 pub fn project(gaussians: &TwinGaussians, i: usize, camera: &TwinCamera) -> TwinSplat {
     let p = camera.to_camera(&gaussians.means[i]);
-    if p[2].is_nan() || p[2] <= camera.near {
+    let factor = camera.opacity_factor(i);
+    if p[2].is_nan() || p[2] <= camera.near || factor == 0.0 {
         return TwinSplat {
             depth: p[2],
             ..TwinSplat::default()
@@ -103,7 +109,7 @@ pub fn project(gaussians: &TwinGaussians, i: usize, camera: &TwinCamera) -> Twin
         conic: [yy / det, -xy / det, xx / det],
         cov2d: [xx, xy, yy],
         rgb: sh::color(direction, &gaussians.sh[i], gaussians.sh_degree).map(|c| c.max(0.0)),
-        opacity: 1.0 / (1.0 + (-gaussians.opacity_logit[i]).exp()),
+        opacity: factor * sigmoid(gaussians.opacity_logit[i]),
     }
 }
 
@@ -127,7 +133,8 @@ pub fn project_backward(
         return out;
     }
     let [du, dv, d_a, d_b, d_c, dr, dg, db, d_opacity] = *d;
-    out.opacity_logit = d_opacity * splat.opacity * (1.0 - splat.opacity);
+    let opacity = sigmoid(gaussians.opacity_logit[i]);
+    out.opacity_logit = d_opacity * splat.opacity * (1.0 - opacity);
 
     // Colour, to the coefficients and through the direction to the mean.
     let (direction, distance) = normalize(&sub(&gaussians.means[i], &camera.center()));

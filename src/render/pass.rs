@@ -32,7 +32,8 @@ impl<'a> Pass<'a> {
     ) -> Pass<'a> {
         let capacity = workspace.capacity;
         let (n, pairs) = (shader_count(model.n), shader_count(capacity.pairs));
-        view.counts = [n, shader_count(model.stride), 0, 0];
+        view.counts[0] = n;
+        view.counts[1] = shader_count(model.stride);
         view.planes[2] = slot as u32;
         let uniforms = &workspace.slots[slot];
         uniforms.view.write(gpu, &[view]);

@@ -25,8 +25,8 @@ pub struct ViewUniform {
 }
 
 impl ViewUniform {
-    /// The camera's part; counts and slot are set where the view is rendered. `near` is in the
-    /// camera's world unit.
+    /// The camera's part, without dropout; numbers and slot are set where the view is rendered.
+    /// `near` is in the camera's world unit.
     pub fn new(camera: &Camera, near: f64, background: [f64; 3]) -> ViewUniform {
         let row = |i: usize| {
             let r = camera.rotation.row(i);
@@ -75,6 +75,15 @@ impl ViewUniform {
             // An image too large for its index is too large for every buffer, too.
             planes: [width_4.saturating_mul(padded_height), width_4, 0, 0],
         }
+    }
+
+    /// The same view with dropout: each Gaussian is left out with probability `rate` (below 1), and
+    /// the others have their opacity divided by `1 - rate` (DropGaussian, Park et al. 2025). Which
+    /// ones, `key` decides.
+    pub fn with_dropout(mut self, rate: f64, key: u32) -> ViewUniform {
+        self.counts[2] = (rate * 2f64.powi(32)) as u32;
+        self.counts[3] = key;
+        self
     }
 
     pub fn n_tiles(&self) -> usize {

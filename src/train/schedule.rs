@@ -1,7 +1,7 @@
 //! What an iteration does, as a function of its number and the seed alone: a step can be repeated.
 
-use rand::SeedableRng;
 use rand::seq::SliceRandom;
+use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::config::{Config, OptimizerConfig};
@@ -9,6 +9,9 @@ use crate::config::{Config, OptimizerConfig};
 /// Random streams of the view orders, apart from those of other consumers of the seed.
 const REAL_STREAM: u64 = 0x7265_616c;
 const VIRTUAL_STREAM: u64 = 0x7669_7274;
+
+/// Random stream of the dropout's keys.
+const DROPOUT_STREAM: u64 = 0x6472_6f70;
 
 /// Draws views without replacement, epoch by epoch, as 3DGS does.
 pub struct ViewOrder {
@@ -63,6 +66,15 @@ pub fn mean_rate(config: &OptimizerConfig, iteration: u32, iterations: u32, exte
 /// Active SH degree at `iteration` (from 0).
 pub fn sh_degree(config: &Config, iteration: u32) -> u32 {
     (iteration / config.model.sh_interval.max(1)).min(config.model.sh_degree)
+}
+
+/// Rate and key of the dropout at `iteration` (from 0): `p = rate_end iteration / iterations`
+/// (DropGaussian).
+pub fn dropout(config: &Config, iteration: u32) -> (f64, u32) {
+    let progress = f64::from(iteration) / f64::from(config.iterations.max(1));
+    let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
+    rng.set_stream(DROPOUT_STREAM << 32 | u64::from(iteration));
+    (config.dropout.rate_end * progress, rng.next_u32())
 }
 
 /// Whether densification follows after `done` iterations (3DGS).

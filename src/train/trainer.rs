@@ -287,6 +287,7 @@ impl<'a> Trainer<'a> {
         // There is at least one real view.
         let real = self.real_order.view(iteration).unwrap_or(0);
         let virtual_view = self.virtual_order.view(iteration);
+        let (dropout, key) = schedule::dropout(config, iteration);
         let mut commands = Commands::profiled(self.gpu, profile);
         let mut centers = Vec::with_capacity(2);
         let chosen = [
@@ -304,7 +305,7 @@ impl<'a> Trainer<'a> {
                 &self.workspace,
                 &self.bound,
                 &self.optimizer.model,
-                (slot, uniform),
+                (slot, uniform.with_dropout(dropout, key)),
                 (degree, iteration + 1),
             );
             pass.forward(&mut commands);

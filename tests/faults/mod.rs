@@ -21,7 +21,7 @@ use gspotential::scene::SceneSource;
 use serde_json::Value;
 
 /// A training in which Gaussians are split, pruned and reset within a second or two.
-const SETTINGS: [&str; 14] = [
+const SETTINGS: [&str; 16] = [
     "iterations=60",
     "scene.max_points=100",
     "scene.n_test=1",
@@ -36,6 +36,8 @@ const SETTINGS: [&str; 14] = [
     "densify.opacity_reset_end=50",
     "coverage.start=20",
     "coverage.interval=20",
+    "loss.fill_weight=0.3",
+    "dropout.rate_end=0.3",
 ];
 const CURVE: u32 = 25;
 

@@ -27,7 +27,7 @@ fn small_scene() -> Scene {
     })
 }
 
-/// The paper's method with everything happening early.
+/// The paper's method and the parts beyond it, with everything happening early.
 fn config() -> Config {
     let mut config = Config::preset("paper").expect("a preset");
     config.iterations = 140;
@@ -45,6 +45,8 @@ fn config() -> Config {
     config.coverage.interval = 20;
     config.coverage.tau_min = 1.5;
     config.coverage.tau_max = 4.0;
+    config.dropout.rate_end = 0.4;
+    config.loss.fill_weight = 0.3;
     config.validate().expect("allowed values");
     config
 }
@@ -148,6 +150,9 @@ fn a_run_whose_pairs_do_not_fit_at_first_is_equal_to_one_with_room() {
     let mut config = config();
     config.iterations = 90;
     config.scene.max_points = Some(150);
+    // Not so strict that the wide ones below are all pruned.
+    config.densify.max_scale = 10.0;
+    config.densify.max_screen = 10.0;
     let prepared = prepare(&small_scene(), &config, &mut Seconds::default()).expect("a sphere");
     let Prepared {
         supervision,
@@ -172,6 +177,7 @@ fn a_run_whose_pairs_do_not_fit_at_first_is_equal_to_one_with_room() {
     assert!(grew, "nothing overflowed");
     let (roomy, grew) = train(Some(1 << 18), &config);
     assert!(!grew, "the other run overflowed, too");
+    assert!(!tight.gaussians.is_empty(), "nothing is left to compare");
     assert_eq!(tight.samples, roomy.samples);
     assert_eq!(tight.plans, roomy.plans);
     assert!(tight.gaussians == roomy.gaussians, "Gaussians differ");

@@ -35,13 +35,14 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-const PLANTS: [Plant; 15] = [
+const PLANTS: [Plant; 17] = [
     plant(
         "project",
         "+ DILATION;",
         "+ 1.001 * DILATION;",
         stage::PROJECT,
     ),
+    plant("project", "* 277803737u;", "* 277803735u;", stage::PROJECT),
     plant(
         "depth_keys",
         "bitcast<u32>(s1.z) -",
@@ -104,8 +105,14 @@ const PLANTS: [Plant; 15] = [
     ),
     plant(
         "project_backward",
-        "a.x * (1.0 - s1.y)",
+        "a.x * (1.0 - kept_share(view) * s1.y)",
         "a.x * s1.y",
+        stage::PROJECT_BACKWARD,
+    ),
+    plant(
+        "project_backward",
+        "1.0 - kept_share(view) * s1.y",
+        "1.0 - s1.y",
         stage::PROJECT_BACKWARD,
     ),
     plant(
@@ -149,6 +156,8 @@ fn findings_with(plant: &Plant) -> Vec<Finding> {
 fn findings(ctx: &Context) -> Result<Vec<Finding>> {
     let view = ViewCase::new("ordinary", &random_scene(400, 2, 2), 1, (61, 47), ORDINARY);
     let mut findings = view::examine(ctx, &view)?.0.list;
+    let view = view::dropout_case(&random_scene(400, 2, 9), 40, 1);
+    findings.extend(view::examine(ctx, &view)?.0.list);
     for mask in [None, Some(MaskKind::Any)] {
         let (size, kind) = ((33, 17), Kind::Noise);
         findings.extend(loss::examine(ctx, &LossCase { size, kind, mask })?.list);

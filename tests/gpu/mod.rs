@@ -5,6 +5,7 @@ mod adam;
 mod determinism;
 mod dispatch;
 mod doctor;
+mod dropout;
 mod fixtures;
 mod loss;
 mod rearrange;

@@ -132,6 +132,7 @@ impl Fixture {
                 cy: entry.cy,
                 near: entry.near,
                 background: [0.0; 3],
+                dropout: None,
             },
             rgb: array("rgb", &[h, w, 3]),
             alpha: array("alpha", &[h, w]),

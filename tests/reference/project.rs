@@ -1,6 +1,7 @@
 //! SH and the projection against their definitions and against central differences.
 
 use gspotential::reference::cases::{self, Random, TwinCase};
+use gspotential::reference::dropout::TwinDropout;
 use gspotential::reference::linalg::{Vec3, dot, normalize};
 use gspotential::reference::model::{SplatGradient, TwinCamera, TwinGaussians, TwinSplat};
 use gspotential::reference::project::{RawGradient, project, project_backward};
@@ -151,6 +152,40 @@ fn projection_gradients_of_huge_gaussians_match_central_differences() {
         n_clamped > 20,
         "only {n_clamped} beyond the Jacobian's bounds"
     );
+}
+
+#[test]
+fn dropout_leaves_out_or_brightens_and_so_do_the_gradients() {
+    let case = cases::random_scene(60, 1, 12);
+    let camera = TwinCamera {
+        dropout: Some(TwinDropout {
+            threshold: 1 << 30,
+            key: 9,
+        }),
+        ..case.cameras[0].clone()
+    };
+    let mut n_dropped = 0;
+    for i in 0..case.gaussians.n() {
+        let plain = project(&case.gaussians, i, &case.cameras[0]);
+        let ours = project(&case.gaussians, i, &camera);
+        let mut d = [0.0; 9];
+        d[8] = 1.0;
+        let gradient = project_backward(&case.gaussians, i, &camera, &d);
+        if !ours.valid {
+            n_dropped += usize::from(plain.valid);
+            assert!(flatten(&gradient).iter().all(|&x| x == 0.0));
+            continue;
+        }
+        assert!((ours.opacity - plain.opacity / 0.75).abs() < 1e-15);
+        let difference = central_difference(|h| {
+            let mut moved = case.gaussians.clone();
+            moved.opacity_logit[i] += h;
+            project(&moved, i, &camera).opacity
+        });
+        let off = (gradient.opacity_logit - difference).abs();
+        assert!(off < tolerance::FINITE_DIFFERENCE * difference);
+    }
+    assert!((5..25).contains(&n_dropped), "{n_dropped} of 60");
 }
 
 #[test]
