@@ -153,6 +153,9 @@ pub struct SplatConfig {
     pub filter_window_px: u32,
     /// Pixels with fewer valid neighbours in the window are removed; 0 switches the filter off.
     pub filter_min_neighbors: u32,
+    /// Points whose confidence is below this share of the cloud's median are not drawn; 0 draws
+    /// all, as do clouds without confidence.
+    pub min_confidence: f64,
 }
 
 /// The Gaussians at the start.
@@ -164,6 +167,8 @@ pub struct ModelConfig {
     /// The active degree rises by one every so many iterations.
     pub sh_interval: u32,
     pub initial_opacity: f64,
+    /// Gaussians start with `initial_opacity * min(1, confidence / median confidence)`.
+    pub confidence_opacity: bool,
     /// Upper bound of the initial scale (3-nearest-neighbour distance) as a multiple of the
     /// median over the cloud: isolated points would fog whole views.
     pub max_initial_scale_ratio: f64,

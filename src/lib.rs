@@ -2,7 +2,7 @@
 //!
 //! Data flows one way: [`scene`] -> [`field`] -> [`views`] -> [`splat`] -> [`render`] ->
 //! [`train`] -> [`eval`] -> [`report`]; [`gpu`], [`config`], [`camera`], [`gaussians`],
-//! [`progress`], [`digest`], [`run`] and [`error`] lie beneath. Where the config asks for it,
+//! [`progress`], [`digest`], [`run`], `ply` and [`error`] lie beneath. Where the config asks for it,
 //! [`carve`] clears the cloud by the photographs and [`visibility`] weighs where views may stand,
 //! both by splats. [`metrics`] measures images for [`eval`], [`pipeline`] calls the stages in a
 //! row, [`study`] trains what a table or figure of the paper needs, and [`cli`] is the commands on
@@ -32,6 +32,7 @@ pub mod gaussians;
 pub mod gpu;
 pub mod metrics;
 pub mod pipeline;
+mod ply;
 pub mod progress;
 pub mod reference;
 pub mod render;

@@ -19,6 +19,7 @@ mod names;
 mod record;
 mod stop;
 
+pub use crate::scene::PoseProtocol;
 pub use checkpoints::{Checkpoints, Found};
 pub use evaluation::{
     Evaluation, LpipsRecord, MaskedMean, MaskedScore, Mean, Measured, PointSplatScore, Renders,
@@ -27,7 +28,7 @@ pub use evaluation::{
 pub use names::file_names;
 pub use record::{
     CurvePoint, ImageLoss, JobRecord, LossSample, Memory, Metrics, ModelSize, PlanCounts,
-    PoseProtocol, SceneRecord, Seconds, peak_host_bytes,
+    SceneRecord, Seconds, peak_host_bytes,
 };
 pub use stop::{Gentle, Stop};
 

@@ -1,6 +1,7 @@
 //! Modules use one another one way only: every module may use those above it in the list. The f64
 //! reference stands apart: it uses none of them, and only what compares with it uses it.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -8,12 +9,13 @@ use std::path::{Path, PathBuf};
 const ORDER: &[&str] = &[
     "error",
     "digest",
+    "ply",
     "camera",
     "config",
     "progress",
+    "cameras_json",
     "scene",
     "gaussians",
-    "cameras_json",
     "gpu",
     "metrics",
     "run",
@@ -49,14 +51,18 @@ fn rank(module: &str) -> Option<usize> {
 /// The modules of the crate that `code`, a file of `module`, names; `depth` is how many `super`
 /// lead from the file to the crate's root.
 fn used_modules(code: &str, depth: usize) -> Vec<String> {
+    names_after(code, &["crate::", &"super::".repeat(depth)])
+}
+
+/// The first names of the paths in `code` that begin with one of `prefixes`.
+fn names_after(code: &str, prefixes: &[&str]) -> Vec<String> {
     let code: String = code
         .lines()
         .map(|line| line.split("//").next().unwrap_or_default())
         .collect::<Vec<_>>()
         .join("\n");
-    let root = ["super::"; 8][..depth].concat();
     let mut used = Vec::new();
-    for prefix in ["crate::", root.as_str()] {
+    for prefix in prefixes {
         for (at, _) in code.match_indices(prefix) {
             let before = code[..at].chars().next_back();
             if before.is_some_and(|c| c.is_alphanumeric() || c == '_') {
@@ -215,6 +221,98 @@ fn planted_violations_are_found() {
         0
     );
     assert_eq!(n("lib.rs", "use crate::train;"), 0);
+}
+
+/// The parts of `module` that `code`, a file below it, names.
+fn used_parts(module: &str, path: &Path, code: &str) -> Vec<String> {
+    let is_mod = path.file_stem().is_some_and(|stem| stem == "mod");
+    let depth = path.iter().count() - 1 - usize::from(is_mod);
+    let from_root = format!("crate::{module}::");
+    names_after(code, &[&from_root, &"super::".repeat(depth)])
+}
+
+/// A circle among the parts of a module, if there is one.
+fn circle(uses: &BTreeMap<String, BTreeSet<String>>) -> Option<Vec<String>> {
+    fn visit(
+        part: &str,
+        uses: &BTreeMap<String, BTreeSet<String>>,
+        trail: &mut Vec<String>,
+        done: &mut BTreeSet<String>,
+    ) -> bool {
+        if let Some(start) = trail.iter().position(|t| t == part) {
+            trail.drain(..start);
+            return true;
+        }
+        if !done.insert(part.to_owned()) {
+            return false;
+        }
+        trail.push(part.to_owned());
+        if uses[part].iter().any(|used| visit(used, uses, trail, done)) {
+            return true;
+        }
+        trail.pop();
+        false
+    }
+    let mut done = BTreeSet::new();
+    uses.keys().find_map(|part| {
+        let mut trail = Vec::new();
+        visit(part, uses, &mut trail, &mut done).then_some(trail)
+    })
+}
+
+/// What each file or folder right below `module` uses of its siblings.
+fn sibling_uses(module: &str, files: &[(PathBuf, String)]) -> BTreeMap<String, BTreeSet<String>> {
+    let part = |path: &Path| {
+        let rest = path.strip_prefix(module).ok()?.with_extension("");
+        let first = rest.iter().next()?.to_string_lossy().into_owned();
+        (first != "mod").then_some(first)
+    };
+    let mut uses: BTreeMap<String, BTreeSet<String>> = files
+        .iter()
+        .filter_map(|(path, _)| Some((part(path)?, BTreeSet::new())))
+        .collect();
+    for (path, code) in files {
+        let Some(own) = part(path) else { continue };
+        for used in used_parts(module, path, code) {
+            if used != own && uses.contains_key(&used) {
+                uses.entry(own.clone()).or_default().insert(used);
+            }
+        }
+    }
+    uses
+}
+
+#[test]
+fn the_parts_of_scene_use_one_another_without_a_circle() {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    rust_files(&src.join("scene"), &mut files);
+    let files: Vec<(PathBuf, String)> = files
+        .into_iter()
+        .map(|file| {
+            let code = fs::read_to_string(&file).unwrap();
+            (file.strip_prefix(&src).unwrap().to_owned(), code)
+        })
+        .collect();
+    let uses = sibling_uses("scene", &files);
+    assert!(
+        uses["load"].contains("formats") && uses["formats"].contains("layout"),
+        "{uses:?}"
+    );
+    assert_eq!(circle(&uses), None);
+
+    let planted = |path: &str, code: &str| {
+        let mut files = files.clone();
+        files.push((PathBuf::from(path), code.to_owned()));
+        circle(&sibling_uses("scene", &files))
+    };
+    assert!(planted("scene/formats/x.rs", "use crate::scene::load::load;").is_some());
+    assert!(planted("scene/formats/x.rs", "use super::super::cloud::clean;").is_some());
+    assert!(planted("scene/lens.rs", "use super::undistort::undistort;").is_some());
+    assert_eq!(
+        planted("scene/formats/x.rs", "use crate::scene::lens::pinhole;"),
+        None
+    );
 }
 
 #[test]

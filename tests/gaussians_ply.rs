@@ -177,18 +177,15 @@ fn a_huge_vertex_count_costs_nothing() {
     let text = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).into_owned();
     let header = &text[..text.find("end_header\n").unwrap() + 11];
     for (count, expected) in [
-        ("1000000000000", "of the 1000000000000"),
-        ("999999999999999", "of the 999999999999999"),
+        ("4000000000", "of the 4000000000"),
         (
-            "18446744073709551615",
-            "line 3: a number has too many digits",
+            "1000000000000",
+            "line 3: element `vertex` has no valid count",
         ),
-        (
-            "99999999999999999999999999",
-            "line 3: a number has too many digits",
-        ),
-        ("-1", "cannot be parsed"),
-        ("1e3", "cannot be parsed"),
+        ("18446744073709551615", "no valid count below 2^32"),
+        ("99999999999999999999999999", "no valid count below 2^32"),
+        ("-1", "no valid count"),
+        ("1e3", "no valid count"),
     ] {
         let header = header.replace("vertex 1\n", &format!("vertex {count}\n"));
         let started = std::time::Instant::now();
@@ -224,7 +221,7 @@ fn ply_errors_name_what_is_missing_or_wrong() {
         (
             "property float y\n",
             "property float x\n",
-            "declares a name twice",
+            "line 5: property `x` appears twice",
         ),
         (
             "binary_little_endian",
@@ -237,14 +234,10 @@ fn ply_errors_name_what_is_missing_or_wrong() {
             "element face",
             "first element is not `vertex`",
         ),
-        ("ply\n", "plyx\n", "cannot be parsed"),
+        ("ply\n", "plyx\n", "bad PLY header"),
         ("ply\n", "hello\n", "not a PLY file"),
-        ("end_header\n", "", "no end_header"),
-        (
-            "property float y\n",
-            "property half y\n",
-            "cannot be parsed",
-        ),
+        ("end_header\n", "", "no `end_header`"),
+        ("property float y\n", "property half y\n", "bad PLY header"),
     ] {
         let text = replaced(from, to);
         assert!(text.contains(expected), "{from:?} -> {to:?}: {text}");

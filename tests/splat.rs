@@ -17,6 +17,7 @@ fn config(size_px: u32, filter_window_px: u32, filter_min_neighbors: u32) -> Spl
         size_px,
         filter_window_px,
         filter_min_neighbors,
+        min_confidence: 0.0,
     }
 }
 
@@ -298,4 +299,40 @@ fn settings_without_meaning_are_usage_errors() {
 fn an_empty_cloud_gives_empty_masks() {
     let image = splat(&PointCloud::default(), &plain_camera(), &config(3, 5, 2));
     assert_eq!(image.rgba, vec![0; 16 * 12 * 4]);
+}
+
+#[test]
+fn points_of_little_confidence_are_not_drawn() {
+    let mut points = random_cloud(21, 600);
+    points.confidence = Some((0..600).map(|i| (i % 7) as f32 * 2.0).collect());
+    let camera = camera(dvec3(3.0, 1.0, 2.0), DVec3::ZERO);
+    let drawn = |cloud: &PointCloud, min_confidence: f64| {
+        let config = SplatConfig {
+            min_confidence,
+            ..config(2, 5, 0)
+        };
+        splat(cloud, &camera, &config)
+    };
+    // The median is 6, so that 0.4 leaves out confidences of 0 and 2.
+    let mut sure = points.clone();
+    let keep = |i: usize| i % 7 >= 2;
+    sure.positions = (0..600)
+        .filter(|i| keep(*i))
+        .map(|i| points.positions[i])
+        .collect();
+    sure.colors = (0..600)
+        .filter(|i| keep(*i))
+        .map(|i| points.colors[i])
+        .collect();
+    sure.confidence = None;
+    assert!(drawn(&points, 0.4) == drawn(&sure, 0.0));
+    assert!(
+        drawn(&points, 0.4) == drawn(&sure, 1.0),
+        "a cloud without confidence is sure"
+    );
+    assert!(drawn(&points, 0.4) != drawn(&points, 0.0));
+    assert!(drawn(&points, 0.4) != drawn(&points, 0.7));
+    let mut unrated = points.clone();
+    unrated.confidence = None;
+    assert!(drawn(&points, 0.0) == drawn(&unrated, 0.0));
 }

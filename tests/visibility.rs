@@ -19,6 +19,7 @@ const BARE: SplatConfig = SplatConfig {
     size_px: 1,
     filter_window_px: 1,
     filter_min_neighbors: 0,
+    min_confidence: 0.0,
 };
 
 fn config() -> VisibilityConfig {

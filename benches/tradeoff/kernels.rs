@@ -14,9 +14,9 @@ use gspotential::reference::compare::relative_l2;
 use gspotential::reference::model::{TwinCamera, TwinGaussians};
 use gspotential::reference::raster::{backward, render};
 use gspotential::render::{Kernels, Pass, ViewUniform};
-use gspotential::run::{LossSample, Seconds};
+use gspotential::run::Seconds;
 use gspotential::scene::Scene;
-use gspotential::train::{Observer, train};
+use gspotential::train::train;
 
 use super::Measured;
 use super::clock::of_gpu;
@@ -27,12 +27,6 @@ const N_VIEWS: usize = 3;
 
 /// Times that the views are taken in a row: the system's clock of CPU time is coarse.
 const REPEATS: usize = 4;
-
-struct Quiet;
-
-impl Observer for Quiet {
-    fn look(&mut self, _: &LossSample, _: usize) {}
-}
 
 /// A view with what the reference says of it.
 struct Truth {
@@ -61,7 +55,7 @@ pub fn measure(scene: &Scene, config: &Config, rounds: usize) -> Result<(Vec<Mea
     let prepared = prepare(scene, config, &mut Seconds::default())?;
     let kernels = Kernels::new(&gpu);
     let (start, supervision) = (&prepared.start, &prepared.supervision);
-    let trained = train(&gpu, &kernels, start, supervision, config, &mut Quiet)?;
+    let trained = train(&gpu, &kernels, start, supervision, config, &mut ())?;
     let step = scene.test.len().div_ceil(N_VIEWS).max(1);
     let views = scene.test.iter().step_by(step);
     let cameras = views.map(|view| prepared.frame.camera_to_canonical(&view.camera));

@@ -30,8 +30,8 @@ then the options of their own (--iterations, --max-size, --max-points, --seed)."
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub struct TrainArgs {
-    /// Scene folder with images/ and sparse/0/, or `builtin[:WIDTH]` for the scene that the
-    /// program makes itself
+    /// Scene folder, as COLMAP, VGGT, MASt3R, InstantSplat, GaussianObject, nerfstudio or
+    /// instant-ngp write it, or `builtin[:WIDTH]` for the scene that the program makes itself
     #[arg(long, value_name = "DIR", default_value = "builtin")]
     scene: SceneSource,
 

@@ -60,6 +60,7 @@ impl Config {
             splat.filter_min_neighbors,
             0..=neighbors,
         )?;
+        within("splat.min_confidence", splat.min_confidence, 0.0..=1.0)?;
 
         let model = &self.model;
         within("model.sh_degree", model.sh_degree, 0..=3)?;

@@ -8,9 +8,9 @@ use crate::digest::sha256;
 use crate::error::Result;
 use crate::gaussians::Gaussians;
 use crate::pipeline::{Prepared, prepare};
-use crate::run::{LossSample, Seconds};
+use crate::run::Seconds;
 use crate::scene::builtin::{BuiltinOptions, scene};
-use crate::train::{Observer, train};
+use crate::train::train;
 
 /// Two runs of one training.
 #[derive(Clone, Debug, Serialize)]
@@ -57,9 +57,8 @@ pub fn repeat(ctx: &Context) -> Result<Repeat> {
         supervision, start, ..
     } = prepare(&scene, &config, &mut Seconds::default())?;
     let run = || {
-        let mut quiet = Quiet;
         let (gpu, kernels) = (&ctx.gpu, &ctx.kernels);
-        train(gpu, kernels, &start, &supervision, &config, &mut quiet)
+        train(gpu, kernels, &start, &supervision, &config, &mut ())
     };
     let (first, second) = (run()?.gaussians, run()?.gaussians);
     let hashes = [hash_of(&first), hash_of(&second)];
@@ -69,12 +68,6 @@ pub fn repeat(ctx: &Context) -> Result<Repeat> {
         holds: hashes[0] == hashes[1],
         hashes,
     })
-}
-
-struct Quiet;
-
-impl Observer for Quiet {
-    fn look(&mut self, _: &LossSample, _: usize) {}
 }
 
 /// First digits of the digest of every parameter's bits.

@@ -21,6 +21,9 @@ pub const MAX_SH_DEGREE: u32 = 3;
 /// Lower bound of the mean squared neighbour distance, in `R^2` (3DGS: 1e-7 in world units).
 const MIN_SQUARED_DISTANCE: f64 = 1e-7;
 
+/// A Gaussian starts with at least this share of the initial opacity, for its logit to be finite.
+const MIN_RELATIVE_OPACITY: f64 = 0.01;
+
 /// Scale of a cloud's only point, in `R`.
 const LONE_SCALE: f64 = 0.01;
 
@@ -68,7 +71,8 @@ impl Gaussians {
 
     /// The Gaussians that training starts from: one a cloud point, isotropic, as large as the
     /// root mean square distance to the three nearest other points (3DGS), unrotated, of the
-    /// cloud's colour from everywhere.
+    /// cloud's colour from everywhere, and of `config.initial_opacity`, which
+    /// `config.confidence_opacity` multiplies by [`PointCloud::relative_confidence`].
     ///
     /// Scales are bounded: below as in 3DGS, for points that coincide; above by
     /// `config.max_initial_scale_ratio` times the median of those that do not.
@@ -92,13 +96,7 @@ impl Gaussians {
                 config.sh_degree
             )));
         }
-        let opacity_logit = (config.initial_opacity / (1.0 - config.initial_opacity)).ln() as f32;
-        if !opacity_logit.is_finite() {
-            return Err(Error::usage(format!(
-                "model.initial_opacity is {}, but must lie between 0 and 1",
-                config.initial_opacity
-            )));
-        }
+        let opacity_logits = initial_opacity_logits(cloud, config)?;
         let means: Vec<Vec3> = cloud
             .positions
             .iter()
@@ -122,7 +120,7 @@ impl Gaussians {
         Ok(Gaussians {
             scales_log: scales.iter().map(|s| Vec3::splat(s.ln() as f32)).collect(),
             rotations_wxyz: vec![[1.0, 0.0, 0.0, 0.0]; means.len()],
-            opacity_logits: vec![opacity_logit; means.len()],
+            opacity_logits,
             sh,
             sh_degree: config.sh_degree,
             means,
@@ -146,6 +144,25 @@ impl Gaussians {
 /// Spherical-harmonics coefficients a channel up to a degree.
 pub fn n_sh(sh_degree: u32) -> usize {
     (sh_degree as usize + 1).pow(2)
+}
+
+/// `ln(o / (1 - o))` of the opacity that each point's Gaussian starts with.
+fn initial_opacity_logits(cloud: &PointCloud, config: &ModelConfig) -> Result<Vec<f32>> {
+    let logit = |opacity: f64| (opacity / (1.0 - opacity)).ln() as f32;
+    let full = logit(config.initial_opacity);
+    if !full.is_finite() {
+        return Err(Error::usage(format!(
+            "model.initial_opacity is {}, but must lie between 0 and 1",
+            config.initial_opacity
+        )));
+    }
+    Ok(match cloud.relative_confidence() {
+        Some(confidence) if config.confidence_opacity => confidence
+            .iter()
+            .map(|c| logit(config.initial_opacity * c.max(MIN_RELATIVE_OPACITY)))
+            .collect(),
+        _ => vec![full; cloud.len()],
+    })
 }
 
 /// Root mean square distance to the three nearest other points, bounded; one a mean.

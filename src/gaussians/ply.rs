@@ -9,19 +9,13 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
-use ply_rs::parser::Parser;
-use ply_rs::ply::{DefaultElement, ElementDef, Encoding, PropertyType, ScalarType};
+use ply_rs::ply::{ElementDef, Encoding, PropertyType, ScalarType};
 use rayon::prelude::*;
 
 use super::{Gaussians, MAX_SH_DEGREE, n_sh};
 use crate::camera::Frame;
 use crate::error::{Error, Result, read_file, write_file};
-
-/// A header is never longer: 62 properties take 2 KB.
-const MAX_HEADER: usize = 64 * 1024;
-
-/// Longer numbers in a header mean nothing, and overflow its parser.
-const MAX_DIGITS: usize = 15;
+use crate::ply::{read_header, scalar_bytes};
 
 /// Property names in the order of the layout.
 fn property_names(sh_degree: u32) -> Vec<String> {
@@ -100,7 +94,7 @@ pub fn read_ply(path: &Path) -> Result<Gaussians> {
 }
 
 fn parse(bytes: &[u8]) -> Result<Gaussians> {
-    let (element, start) = read_header(bytes)?;
+    let (element, start) = read_vertex_element(bytes)?;
     let layout = Layout::new(&element)?;
     let available = bytes.len() - start;
     let needed = element.count.checked_mul(layout.row_bytes);
@@ -143,64 +137,16 @@ fn parse(bytes: &[u8]) -> Result<Gaussians> {
 }
 
 /// The vertex element, and the byte at which its rows start.
-fn read_header(bytes: &[u8]) -> Result<(ElementDef, usize)> {
+fn read_vertex_element(bytes: &[u8]) -> Result<(ElementDef, usize)> {
     let way_out = "expected a 3DGS point_cloud.ply: binary little-endian, vertices first";
-    let text = &bytes[..bytes.len().min(MAX_HEADER)];
-    if !text.starts_with(b"ply") {
-        return Err(Error::new("not a PLY file").way_out(way_out));
-    }
-    // Only whole lines before the first `end_header` are parsed, and no number that overflows.
-    let mut start = 0;
-    let mut ended = false;
-    for (i, line) in text.split_inclusive(|b| *b == b'\n').enumerate() {
-        let is_comment = line.starts_with(b"comment") || line.starts_with(b"obj_info");
-        let too_long =
-            |run: &[u8]| run.first().is_some_and(u8::is_ascii_digit) && run.len() > MAX_DIGITS;
-        if !is_comment
-            && line
-                .chunk_by(|a, b| a.is_ascii_digit() == b.is_ascii_digit())
-                .any(too_long)
-        {
-            return Err(Error::new("a number has too many digits").at(format!("line {}", i + 1)));
-        }
-        start += line.len();
-        if line.trim_ascii() == b"end_header" && line.ends_with(b"\n") {
-            ended = true;
-            break;
-        }
-    }
-    if !ended {
-        return Err(Error::new(format!(
-            "the PLY header has no end_header within {} bytes",
-            text.len()
-        ))
-        .way_out(way_out));
-    }
-    let header = Parser::<DefaultElement>::new()
-        .read_header(&mut &text[..start])
-        .map_err(|e| {
-            // The library's message runs over several lines; ours take one.
-            let message = e.to_string().replace(['\n', '\t'], " ");
-            Error::new(format!("the PLY header cannot be parsed: {message}")).way_out(way_out)
-        })?;
+    let header = read_header(bytes)?;
     if header.encoding != Encoding::BinaryLittleEndian {
         return Err(
             Error::new(format!("the PLY encoding is {}", header.encoding)).way_out(way_out),
         );
     }
-    // The library keeps only the last of equally named entries, which would shift the rows.
-    let declared = |keyword: &[u8]| {
-        text[..start]
-            .split(|b| *b == b'\n')
-            .filter(|line| line.split(u8::is_ascii_whitespace).next() == Some(keyword))
-            .count()
-    };
-    let n_properties: usize = header.elements.values().map(|e| e.properties.len()).sum();
-    if declared(b"element") != header.elements.len() || declared(b"property") != n_properties {
-        return Err(Error::new("the PLY header declares a name twice").way_out(way_out));
-    }
     match header.elements.into_iter().next() {
-        Some((name, element)) if name == "vertex" => Ok((element, start)),
+        Some((name, element)) if name == "vertex" => Ok((element, header.end)),
         _ => Err(Error::new("the PLY file's first element is not `vertex`").way_out(way_out)),
     }
 }
@@ -228,12 +174,7 @@ impl Layout {
                 )));
             };
             properties.push((name.as_str(), scalar, row_bytes));
-            row_bytes += match scalar {
-                ScalarType::Char | ScalarType::UChar => 1,
-                ScalarType::Short | ScalarType::UShort => 2,
-                ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
-                ScalarType::Double => 8,
-            };
+            row_bytes += scalar_bytes(scalar);
         }
         let offset = |name: &str| match properties.iter().find(|p| p.0 == name) {
             Some((_, ScalarType::Float, offset)) => Ok(*offset),

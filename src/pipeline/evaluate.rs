@@ -56,7 +56,10 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
     let config = run.config()?;
     let metrics = run.metrics()?;
     let protocol = metrics.scene.pose_protocol;
-    if protocol != PoseProtocol::SharedFrame {
+    if !matches!(
+        protocol,
+        PoseProtocol::SharedFrame | PoseProtocol::Interpolated
+    ) {
         return Err(Error::new(format!(
             "the run's test cameras are {protocol}, which this version cannot do again"
         ))
@@ -67,6 +70,14 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
         TrainJob::recorded(&metrics.scene, config.clone()).map_err(|e| e.at_path(run.root()))?;
     let stamp = stamp_of(&metrics.scene)?;
     let scene = job.load_again().map_err(|e| e.at_path(run.root()))?;
+    if scene.pose_protocol != protocol {
+        return Err(Error::new(format!(
+            "the scene's test cameras are {}, and were {protocol}",
+            scene.pose_protocol
+        ))
+        .at_path(run.root())
+        .way_out("restore its files, or train again"));
+    }
     options
         .check(&scene.test)
         .map_err(|e| e.at_path(run.root()))?;
@@ -75,7 +86,7 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
     let cloud = carved.as_ref().map_or(&scene.cloud, |c| &c.cloud);
     let gpu = Gpu::open()?;
     let kernels = Kernels::new(&gpu);
-    let what = (run, options, stamp);
+    let what = (run, options, stamp, protocol);
     measure(
         (&gpu, &kernels),
         (&scene.test, cloud),
@@ -98,7 +109,12 @@ pub(super) fn measure(
     (views, cloud): (&[View], &PointCloud),
     frame: &Frame,
     config: &Config,
-    (run, options, scene_stamp): (&RunDir, &EvalOptions, Option<String>),
+    (run, options, scene_stamp, pose_protocol): (
+        &RunDir,
+        &EvalOptions,
+        Option<String>,
+        PoseProtocol,
+    ),
     train_s: Option<f64>,
 ) -> Result<Evaluation> {
     // The file, not the model in memory: what is measured is what others will open.
@@ -139,7 +155,7 @@ pub(super) fn measure(
         let splat = eval::score_point_splat(cloud, frame, views, config)?;
         evaluation.point_splat = Some(splat);
     }
-    let mut measured = measured(run, options, scene_stamp, PoseProtocol::SharedFrame)?;
+    let mut measured = measured(run, options, scene_stamp, pose_protocol)?;
     measured.image_px = views.first().map(|v| [v.image.width, v.image.height]);
     evaluation.measured = Some(measured);
     run.write_evaluation(&evaluation)?;

@@ -172,11 +172,12 @@ fn open_gpu() -> Result<Gpu> {
     Ok(gpu)
 }
 
-/// Loads a scene, says what is wrong with it, and how long that took.
+/// Loads a scene, says what was taken and what is wrong with it, and how long that took.
 fn timed(load: impl FnOnce() -> Result<Scene>) -> Result<(Scene, f64)> {
     let start = Instant::now();
     let scene = load()?;
     let load_s = start.elapsed().as_secs_f64();
+    eprintln!("scene: {}", scene.source);
     for warning in &scene.warnings {
         eprintln!("warning: {warning}");
     }

@@ -15,8 +15,8 @@ use crate::progress::Progress;
 use crate::render::{Kernels, Renderer, most_gaussians};
 use crate::report::{ContactSheet, mask_image, write_png};
 use crate::run::{
-    Evaluation, JobRecord, Memory, Metrics, ModelSize, PoseProtocol, RunDir, SceneRecord, Seconds,
-    Stop, peak_host_bytes,
+    Evaluation, JobRecord, Memory, Metrics, ModelSize, RunDir, SceneRecord, Seconds, Stop,
+    peak_host_bytes,
 };
 use crate::scene::{Image, PointCloud, Scene, View};
 use crate::train::{PlanRecord, Trained, Trainer, TrainingView};
@@ -120,7 +120,7 @@ impl Task<'_> {
         let (config, frame) = (&job.config, &prepared.frame);
         let device = (gpu, &kernels);
         let seen = (scene.test.as_slice(), self.cloud());
-        let what = (*run, self.options, self.stamp.clone());
+        let what = (*run, self.options, self.stamp.clone(), scene.pose_protocol);
         let evaluation = evaluate::measure(device, seen, frame, config, what, seconds.train)?;
         seconds.eval = Some(clock.lap() + log.curve_s);
         let mut curve = log.curve;
@@ -206,7 +206,7 @@ fn record(scene: &Scene, job: &TrainJob) -> SceneRecord {
         test_views: names(&scene.test),
         n_points: scene.cloud.len(),
         carved_points: None,
-        pose_protocol: PoseProtocol::SharedFrame,
+        pose_protocol: scene.pose_protocol,
     }
 }
 

@@ -2,9 +2,9 @@
 //!
 //! Everything that may differ between two equal runs is under `seconds` and `memory`.
 
-use std::fmt;
-
 use serde::{Deserialize, Serialize};
+
+use crate::scene::PoseProtocol;
 
 /// What a training run did: `metrics.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -62,35 +62,6 @@ pub struct JobRecord {
     pub eval_every: Option<u32>,
     /// Iterations between two checkpoints, where stated.
     pub checkpoint_every: Option<u32>,
-}
-
-/// How the test cameras came into the frame of the training cameras. Figures under different
-/// protocols do not compare. This version makes runs of the first alone; it knows the others' to
-/// keep them apart.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum PoseProtocol {
-    /// The scene gives both in one frame.
-    SharedFrame,
-    /// By the similarity that takes the training cameras' true poses to the estimated ones
-    /// (Umeyama 1991).
-    TrainingSimilarity,
-    /// Fitted to the test photographs by gradient (InstantSplat, Fan et al. 2024).
-    TestPoseFit,
-}
-
-impl fmt::Display for PoseProtocol {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            PoseProtocol::SharedFrame => {
-                "in one frame with the training cameras, as the scene has them"
-            }
-            PoseProtocol::TrainingSimilarity => {
-                "brought in by a similarity fitted to the training cameras"
-            }
-            PoseProtocol::TestPoseFit => "fitted to the test photographs",
-        })
-    }
 }
 
 /// Wall-clock seconds of each stage; null where a stage was not run.

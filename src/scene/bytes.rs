@@ -1,6 +1,17 @@
-//! A checked little-endian reader: every read that the file is too short for names its byte.
+//! Reading files whole, and a checked little-endian reader: every read that the file is too short
+//! for names its byte.
 
-use crate::error::{Error, Result};
+use std::path::Path;
+
+use crate::error::{Error, Result, read_file};
+
+/// Reads a whole file of a scene. Pipes and devices, which may have no end, are refused.
+pub(super) fn read_regular(path: &Path) -> Result<Vec<u8>> {
+    if path.exists() && !path.is_file() {
+        return Err(Error::new("not a regular file").at_path(path));
+    }
+    read_file(path)
+}
 
 pub(super) struct Reader<'a> {
     bytes: &'a [u8],

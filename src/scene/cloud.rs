@@ -7,7 +7,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::PointCloud;
-use super::colmap::{read_points_binary, read_points_text};
+use super::formats::{read_points_binary, read_points_text};
 use super::ply::read_ply;
 use crate::camera::Camera;
 use crate::error::{Error, Result, read_file};

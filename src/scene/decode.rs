@@ -1,20 +1,16 @@
-//! Photographs from disk: decoding within limits, and scaling to the asked size.
-
-use std::io::Cursor;
+//! Photographs from disk, undistorted and scaled to the asked size.
 
 use image::imageops::{FilterType, resize};
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage};
+use image::{DynamicImage, RgbImage};
 
+use super::image_file::{decoded, open_image, same_aspect};
 use super::images::PosedImage;
-use super::masks::{Masks, alpha_mask, read_mask};
+use super::layout::PosedCamera;
+use super::masks::{Masks, alpha_mask, is_set, read_mask};
+use super::undistort::Undistortion;
 use super::{Image, LoadOptions, View};
 use crate::camera::{Camera, bounded_size};
 use crate::error::{Error, Result, read_file};
-
-/// Longest side of a photograph, pixels.
-const MAX_SIDE: u32 = 16_384;
-/// Most memory that decoding a photograph may take.
-const MAX_BYTES: u64 = 1 << 30;
 
 /// A view, and the size that its camera had been given if the photograph has another one.
 pub(super) struct Decoded {
@@ -22,44 +18,61 @@ pub(super) struct Decoded {
     pub rescaled_from: Option<(u32, u32)>,
 }
 
-/// Decodes the photograph and scales it as `options` ask, its camera along with it and its mask,
-/// which is that of `masks` or else the photograph's alpha channel.
+/// Decodes the photograph and its mask, which is that of `masks` or else the photograph's alpha
+/// channel; undistorts both if the camera is no pinhole one; and scales both as `options` ask,
+/// the camera along with them.
 ///
 /// An EXIF orientation is not applied: poses are those of the pixels as stored.
 ///
 /// # Errors
 ///
 /// Files that are unreadable, no PNG or JPEG, damaged or too large; photographs whose size is
-/// not that of their camera in another resolution; masks that are none.
-pub(super) fn decode(posed: &PosedImage, masks: &Masks, options: &LoadOptions) -> Result<Decoded> {
-    let bytes = read_file(&posed.path)?;
-    let (image, camera) = decode_bytes(&bytes, posed).map_err(|e| e.at_path(&posed.path))?;
+/// not that of their camera in another resolution, or whose distortion cannot be undone; masks
+/// that are none.
+pub(super) fn decode(
+    photograph: &PosedImage,
+    masks: &Masks,
+    options: &LoadOptions,
+) -> Result<Decoded> {
+    let PosedImage { posed, path } = photograph;
+    let here = |e: Error| e.at_path(path);
+    let image = decode_bytes(&read_file(path)?, &posed.camera).map_err(here)?;
     let size = (image.width(), image.height());
-    let target = target_size(size.0, size.1, options);
-    let mask = match masks.file(&camera.name) {
-        Some(path) => Some(read_mask(&path, size, target)?),
-        None => alpha_mask(&image, target),
+    let stated = (posed.camera.width, posed.camera.height);
+    let mut mask = match masks.file(&posed.camera.name) {
+        Some(path) => Some(read_mask(&path, size)?),
+        None => alpha_mask(&image),
     };
-    let image = image.into_rgb8();
-    let image = if size == target {
-        image
-    } else {
-        resize(&image, target.0, target.1, FilterType::Lanczos3)
-    };
-    let stated = (camera.width, camera.height);
+    let mut image = image.into_rgb8();
+    let mut camera = posed.camera.clone();
+    if let Some(undistortion) = undistortion(posed, size).map_err(here)? {
+        image = undistortion.apply(&image);
+        mask = mask.map(|mask| undistortion.apply(&mask));
+        camera = undistortion.pinhole;
+    }
+    let target = target_size(image.width(), image.height(), options);
+    if image.dimensions() != target {
+        image = resize(&image, target.0, target.1, FilterType::Lanczos3);
+    }
     Ok(Decoded {
         view: View {
             camera: camera.resized(target.0, target.1),
             image: from_rgb(image),
-            mask,
+            mask: mask.map(|mask| is_set(mask, target)),
         },
         rescaled_from: (stated != size).then_some(stated),
     })
 }
 
+/// What a photograph of `size` pixels needs to become a pinhole camera's, if anything.
+fn undistortion(posed: &PosedCamera, size: (u32, u32)) -> Result<Option<Undistortion>> {
+    let camera = posed.camera.resized(size.0, size.1);
+    let distortion = posed.distortion;
+    distortion.map(|d| Undistortion::new(camera, d)).transpose()
+}
+
 /// The photograph, which has its camera's shape, at full size.
-fn decode_bytes<'a>(bytes: &[u8], posed: &'a PosedImage) -> Result<(DynamicImage, &'a Camera)> {
-    let camera = &posed.camera;
+fn decode_bytes(bytes: &[u8], camera: &Camera) -> Result<DynamicImage> {
     let (decoder, (width, height)) = open_image(bytes)?;
     let stated = (camera.width, camera.height);
     if !same_aspect(stated, (width, height)) {
@@ -74,50 +87,7 @@ fn decode_bytes<'a>(bytes: &[u8], posed: &'a PosedImage) -> Result<(DynamicImage
             "use the images that the model was made from, or the same at another resolution"
         }));
     }
-    Ok((decoded(decoder)?, camera))
-}
-
-/// A PNG or JPEG ready to be decoded, and its size: everything that the header tells is checked
-/// before any pixel is decoded.
-pub(super) fn open_image(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, (u32, u32))> {
-    if bytes.is_empty() {
-        return Err(Error::new("the image file is empty").way_out("copy the image again"));
-    }
-    let mut reader = ImageReader::new(Cursor::new(bytes))
-        .with_guessed_format()
-        .map_err(|e| undecodable(e.into()))?;
-    if !matches!(reader.format(), Some(ImageFormat::Png | ImageFormat::Jpeg)) {
-        return Err(Error::new("neither a PNG nor a JPEG image").way_out("convert it to PNG"));
-    }
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(MAX_SIDE);
-    limits.max_image_height = Some(MAX_SIDE);
-    limits.max_alloc = Some(MAX_BYTES);
-    reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(undecodable)?;
-    let (width, height) = decoder.dimensions();
-    if decoder.total_bytes() > MAX_BYTES {
-        return Err(Error::new(format!(
-            "a {width}x{height} image takes {} bytes to decode, more than {MAX_BYTES}",
-            decoder.total_bytes()
-        ))
-        .way_out("scale it down"));
-    }
-    if width == 0 || height == 0 {
-        return Err(Error::new(format!("the image is {width}x{height} pixels")));
-    }
-    Ok((decoder, (width, height)))
-}
-
-/// All pixels of what [`open_image`] opened.
-pub(super) fn decoded(decoder: impl ImageDecoder) -> Result<DynamicImage> {
-    DynamicImage::from_decoder(decoder).map_err(undecodable)
-}
-
-fn undecodable(e: image::ImageError) -> Error {
-    Error::new(format!("cannot decode the image: {e}")).way_out(format!(
-        "give PNG or JPEG files of at most {MAX_SIDE} pixels a side"
-    ))
+    decoded(decoder)
 }
 
 fn from_rgb(image: RgbImage) -> Image {
@@ -126,14 +96,6 @@ fn from_rgb(image: RgbImage) -> Image {
         height: image.height(),
         rgb: image.into_raw(),
     }
-}
-
-/// Whether the larger of two sizes, scaled to the width of the smaller, has its height within
-/// a pixel: sizes are rounded when images are scaled.
-pub(super) fn same_aspect(a: (u32, u32), b: (u32, u32)) -> bool {
-    let (small, large) = if a.0 <= b.0 { (a, b) } else { (b, a) };
-    let scale = f64::from(small.0) / f64::from(large.0);
-    (f64::from(large.1) * scale - f64::from(small.1)).abs() <= 1.0
 }
 
 /// The size at which an image is used. Intrinsics then scale with the two exact ratios, so that

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use crate::camera::Camera;
+use super::layout::PosedCamera;
 use crate::error::{Error, Result};
 
 /// File extensions that are listed as photographs.
@@ -12,7 +12,7 @@ const EXTENSIONS: [&str; 3] = ["jpg", "jpeg", "png"];
 /// A camera and the file of its photograph; the camera is named after the file.
 #[derive(Clone, Debug)]
 pub(super) struct PosedImage {
-    pub camera: Camera,
+    pub posed: PosedCamera,
     pub path: PathBuf,
 }
 
@@ -29,6 +29,12 @@ pub(super) struct Matched {
 
 /// Refuses image names that would leave the image folder or break what prints them.
 pub(super) fn check_name(name: &str) -> Result<()> {
+    check_relative("image name", name)
+}
+
+/// Refuses a `kind` of relative path that would leave its folder or break what prints it. Links
+/// are followed: those in a scene folder are its owner's.
+pub(super) fn check_relative(kind: &str, name: &str) -> Result<()> {
     let problem = if name.is_empty() {
         "is empty"
     } else if name.chars().any(char::is_control) {
@@ -37,13 +43,13 @@ pub(super) fn check_name(name: &str) -> Result<()> {
         || name.starts_with(['/', '\\'])
         || name.chars().nth(1) == Some(':')
     {
-        "leaves the scene's image folder"
+        "leaves the scene's folder"
     } else {
         return Ok(());
     };
     Err(
-        Error::new(format!("image name `{}` {problem}", name.escape_debug()))
-            .way_out("name images relative to `images/`"),
+        Error::new(format!("{kind} `{}` {problem}", name.escape_debug()))
+            .way_out("name files within the scene folder, without `..`"),
     )
 }
 
@@ -55,7 +61,7 @@ pub(super) fn check_name(name: &str) -> Result<()> {
 ///
 /// No such folder, no photograph in it that has a pose.
 pub(super) fn match_images(
-    cameras: Vec<Camera>,
+    cameras: Vec<PosedCamera>,
     dir: &Path,
     warnings: &mut Vec<String>,
 ) -> Result<Matched> {
@@ -66,8 +72,8 @@ pub(super) fn match_images(
 
     // Photographs with a pose of their own name are not up for substitution.
     let mut without_pose = files.clone();
-    for camera in &cameras {
-        without_pose.remove(&camera.name);
+    for posed in &cameras {
+        without_pose.remove(&posed.camera.name);
     }
     let mut by_stem: BTreeMap<String, Vec<String>> = BTreeMap::new();
     for name in &without_pose {
@@ -84,14 +90,14 @@ pub(super) fn match_images(
         without_pose,
     };
     let mut substituted = Vec::new();
-    for mut camera in cameras {
-        let posed_name = camera.name.clone();
+    for mut posed in cameras {
+        let posed_name = posed.camera.name.clone();
         if !files.contains(&posed_name) {
             match by_stem.remove(stem(&posed_name)).as_deref() {
                 Some([only]) => {
                     substituted.push(format!("`{only}` for `{posed_name}`"));
                     matched.without_pose.remove(only);
-                    camera.name.clone_from(only);
+                    posed.camera.name.clone_from(only);
                 }
                 _ => {
                     matched.without_image.insert(posed_name);
@@ -100,10 +106,10 @@ pub(super) fn match_images(
             }
         }
         let index = matched.views.len();
-        matched.by_name.insert(camera.name.clone(), index);
+        matched.by_name.insert(posed.camera.name.clone(), index);
         matched.by_name.insert(posed_name, index);
-        let path = dir.join(&camera.name);
-        matched.views.push(PosedImage { camera, path });
+        let path = dir.join(&posed.camera.name);
+        matched.views.push(PosedImage { posed, path });
     }
 
     let first = |names: &BTreeSet<String>| names.first().cloned().unwrap_or_default();

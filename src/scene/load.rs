@@ -1,35 +1,26 @@
 //! A scene folder to a [`Scene`]: the format's reader finds what there is, the rest is shared.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rayon::prelude::*;
 
 use super::builtin::{self, BuiltinOptions};
+use super::bytes::read_regular;
 use super::cloud::{clean, random_like, read_cloud};
 use super::decode::{Decoded, decode};
+use super::formats::{self, confidence_of};
 use super::images::{PosedImage, match_images};
+use super::layout::PosedCamera;
 use super::masks::Masks;
+use super::npy::read_vector;
+use super::protocol::PoseProtocol;
 use super::split::{choose, regroup};
-use super::{CloudSource, LoadOptions, Scene, View, colmap};
+use super::{CloudSource, LoadOptions, PointCloud, Scene, View};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 
-/// What a format's reader finds in a scene folder.
-pub(super) struct Layout {
-    /// What was taken, relative to the scene folder.
-    pub source: String,
-    /// Every pose, at the model's resolution and under the model's name for the image.
-    pub cameras: Vec<Camera>,
-    /// Where the images are that the names are relative to.
-    pub image_dir: PathBuf,
-    /// The scene's own cloud, or the error that it has none.
-    pub cloud: Result<PathBuf>,
-    /// Poses whose quaternion had to be normalised by more than rounding.
-    pub n_unnormalized: usize,
-}
-
-/// Loads the scene in the folder `dir`: poses and intrinsics from a COLMAP model, the cloud
-/// beside it, the split, and the photographs of the training and test views, scaled as asked.
+/// Loads the scene in the folder `dir`: poses, intrinsics and cloud in the format that is found
+/// there, the split, and the photographs of the training and test views, scaled as asked.
 ///
 /// # Errors
 ///
@@ -44,24 +35,15 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
             .at_path(dir)
             .way_out("give a folder with `images/` and a COLMAP model"));
     }
-    let Some(layout) = colmap::read(dir)? else {
-        return Err(Error::new("no scene in this folder")
-            .at_path(dir)
-            .way_out(format!("put {} there", colmap::expected())));
-    };
+    let layout = formats::read(dir, options)?;
     let cloud_path = match &options.cloud {
         Some(CloudSource::File(path)) => path.clone(),
         _ => layout.cloud?,
     };
-    let mut warnings = Vec::new();
-    if layout.n_unnormalized > 0 {
-        warnings.push(format!(
-            "{} poses have quaternions that are not of unit length: normalised",
-            layout.n_unnormalized
-        ));
-    }
+    let confidence_path = confidence_of(&cloud_path);
+    let mut warnings = layout.warnings;
     let matched = match_images(layout.cameras, &layout.image_dir, &mut warnings)?;
-    let split = choose(dir, &matched, options, &mut warnings)?;
+    let split = choose(dir, &matched, layout.split, options, &mut warnings)?;
 
     // The cloud is read while the images are decoded; both are done before either may fail,
     // so that the error does not depend on which was faster.
@@ -73,18 +55,21 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         .collect();
     let masks = Masks::of(dir);
     let (cloud, decoded) = rayon::join(
-        || read_cloud(&cloud_path),
+        || read_points(&cloud_path, confidence_path.as_deref()),
         || -> Vec<Result<Decoded>> {
             let views = chosen.par_iter();
             views.map(|v| decode(v, &masks, options)).collect()
         },
     );
-    warnings.extend(masks.missing(chosen.iter().map(|v| v.camera.name.as_str())));
+    warnings.extend(masks.missing(chosen.iter().map(|v| v.posed.camera.name.as_str())));
     let mut cloud = cloud?;
     let mut train = views(decoded, &mut warnings)?;
     let test = train.split_off(split.train.len());
 
-    let cameras: Vec<Camera> = matched.views.into_iter().map(|v| v.camera).collect();
+    let count = |has: fn(&PosedCamera) -> bool| chosen.iter().filter(|v| has(&v.posed)).count();
+    let n_distorted = count(|posed| posed.distortion.is_some());
+    let pose_protocol = protocol(count(|posed| posed.interpolated), &mut warnings);
+    let cameras: Vec<Camera> = matched.views.into_iter().map(|v| v.posed.camera).collect();
     let n_stored = cloud.len();
     clean(&mut cloud, &cameras, &mut warnings);
     if cloud.is_empty() {
@@ -94,22 +79,56 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     if random {
         cloud = random_like(&cloud, options.seed);
     }
+    let relative = |path: &Path| path.strip_prefix(dir).unwrap_or(path).display().to_string();
+    let mut source = layout.source;
+    if n_distorted > 0 {
+        source += &format!(", {n_distorted} images undistorted");
+    }
+    let random = if random { "random as far as " } else { "" };
+    source += &format!(", cloud {random}{}", relative(&cloud_path));
+    if let Some(path) = &confidence_path {
+        source += &format!(", confidence {}", relative(path));
+    }
     Ok(Scene {
         name: folder_name(dir),
-        source: format!(
-            "{}, cloud {}{}",
-            layout.source,
-            if random { "random as far as " } else { "" },
-            cloud_path
-                .strip_prefix(dir)
-                .unwrap_or(&cloud_path)
-                .display()
-        ),
+        source,
         train,
         test,
         cloud,
+        pose_protocol,
         warnings,
     })
+}
+
+/// What the poses are worth, with a warning where some were only interpolated.
+fn protocol(n_interpolated: usize, warnings: &mut Vec<String>) -> PoseProtocol {
+    if n_interpolated == 0 {
+        return PoseProtocol::SharedFrame;
+    }
+    warnings.push(format!(
+        "{n_interpolated} views have poses that were only interpolated between others: their \
+         photographs show something else, and figures at them say little"
+    ));
+    PoseProtocol::Interpolated
+}
+
+/// The cloud, with the confidences of a file of their own where there is one.
+fn read_points(path: &Path, confidence: Option<&Path>) -> Result<PointCloud> {
+    let mut cloud = read_cloud(path)?;
+    if let Some(path) = confidence {
+        let values = read_vector(&read_regular(path)?).map_err(|e| e.at_path(path))?;
+        if values.len() != cloud.len() {
+            return Err(Error::new(format!(
+                "{} confidences for a cloud of {} points",
+                values.len(),
+                cloud.len()
+            ))
+            .at_path(path)
+            .way_out("make both again, or remove the confidences"));
+        }
+        cloud.confidence = Some(values);
+    }
+    Ok(cloud)
 }
 
 /// Makes the built-in scene `width` pixels wide, with the views and the cloud that are asked for.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use image::imageops::{FilterType, resize};
 use image::{DynamicImage, GrayImage};
 
-use super::decode::{open_image, same_aspect};
+use super::image_file::{decoded, open_image, same_aspect};
 use super::images::stem;
 use crate::error::{Error, Result, read_file};
 
@@ -50,17 +50,12 @@ impl Masks {
     }
 }
 
-/// Reads the mask of a photograph of `photograph` pixels at the size `target`: set where it is
-/// at least half bright.
+/// Reads the mask of a photograph of `photograph` pixels, at the size of its own.
 ///
 /// # Errors
 /// A file that is unreadable or no image, of another shape than the photograph, or that is
 /// neither black and white nor grey in between, as one that numbers its labels.
-pub(super) fn read_mask(
-    path: &Path,
-    photograph: (u32, u32),
-    target: (u32, u32),
-) -> Result<Vec<bool>> {
+pub(super) fn read_mask(path: &Path, photograph: (u32, u32)) -> Result<GrayImage> {
     let decode = || {
         let bytes = read_file(path)?;
         let (decoder, size) = open_image(&bytes)?;
@@ -71,7 +66,7 @@ pub(super) fn read_mask(
             ))
             .way_out("draw it on the photograph, or scale it without changing its shape"));
         }
-        let levels = super::decode::decoded(decoder)?.into_luma8();
+        let levels = decoded(decoder)?.into_luma8();
         let brightest = levels.pixels().map(|p| p.0[0]).max().unwrap_or(0);
         if (1..THRESHOLD).contains(&brightest) {
             return Err(Error::new(format!(
@@ -79,14 +74,13 @@ pub(super) fn read_mask(
             ))
             .way_out("save it with the subject white and the rest black"));
         }
-        Ok(set(levels, target))
+        Ok(levels)
     };
     decode().map_err(|e| e.at_path(path))
 }
 
-/// The alpha channel of a photograph at the size `target`, set where it is at least half opaque;
-/// none where there is no channel, or all of it is opaque.
-pub(super) fn alpha_mask(photograph: &DynamicImage, target: (u32, u32)) -> Option<Vec<bool>> {
+/// The alpha channel of a photograph; none where there is no channel, or all of it is opaque.
+pub(super) fn alpha_mask(photograph: &DynamicImage) -> Option<GrayImage> {
     if !photograph.color().has_alpha() {
         return None;
     }
@@ -95,10 +89,11 @@ pub(super) fn alpha_mask(photograph: &DynamicImage, target: (u32, u32)) -> Optio
     if alpha.iter().all(|&a| a == 255) {
         return None;
     }
-    Some(set(GrayImage::from_raw(width, height, alpha)?, target))
+    GrayImage::from_raw(width, height, alpha)
 }
 
-fn set(levels: GrayImage, target: (u32, u32)) -> Vec<bool> {
+/// Whether each pixel of a mask, scaled to the size `target`, is at least half bright or opaque.
+pub(super) fn is_set(levels: GrayImage, target: (u32, u32)) -> Vec<bool> {
     // A triangle filter does not overshoot, so a thin part does not make others of its own.
     let levels = if levels.dimensions() == target {
         levels

@@ -3,15 +3,21 @@
 pub mod builtin;
 mod bytes;
 mod cloud;
-mod colmap;
 mod decode;
+mod formats;
+mod image_file;
 mod images;
+mod layout;
+mod lens;
 mod load;
 mod masks;
+mod npy;
 mod ply;
+mod protocol;
 mod source;
 mod split;
 mod stamp;
+mod undistort;
 
 pub use source::{CloudSource, DEFAULT_BUILTIN_WIDTH, SceneSource};
 
@@ -21,8 +27,9 @@ use crate::camera::Camera;
 use crate::config::Config;
 
 pub use cloud::{random_like, read_cloud, thin};
-pub use colmap::other_clouds;
+pub use formats::other_clouds;
 pub use load::{load, load_builtin};
+pub use protocol::PoseProtocol;
 
 /// A scene ready to train on. Images of the training and test views are decoded, at the size
 /// the limits ask for; cameras match them.
@@ -35,6 +42,8 @@ pub struct Scene {
     pub train: Vec<View>,
     pub test: Vec<View>,
     pub cloud: PointCloud,
+    /// How the test cameras came into the frame of the training cameras.
+    pub pose_protocol: PoseProtocol,
     /// What was dropped or assumed while loading, one line each, for the log.
     pub warnings: Vec<String>,
 }
@@ -76,6 +85,22 @@ impl PointCloud {
         self.positions.is_empty()
     }
 
+    /// `clamp(c_i / median(c), 0, 1)` of the confidences `c`, one a point: their scale differs
+    /// between the programs that write them, but half of a cloud counts as sure in all. Where
+    /// the median is 0, points are sure or not at all.
+    pub fn relative_confidence(&self) -> Option<Vec<f64>> {
+        let confidence = self.confidence.as_ref().filter(|c| !c.is_empty())?;
+        let mut sorted = confidence.clone();
+        let middle = sorted.len() / 2;
+        let median = f64::from(*sorted.select_nth_unstable_by(middle, f32::total_cmp).1);
+        let relative = |c: &f32| match f64::from(*c) {
+            c if median > 0.0 => (c / median).clamp(0.0, 1.0),
+            c if c > 0.0 => 1.0,
+            _ => 0.0,
+        };
+        Some(confidence.iter().map(relative).collect())
+    }
+
     /// Keeps the points that `kept`, one entry a point, says true of, in their order.
     pub fn retain(&mut self, kept: &[bool]) {
         fn filter<T: Copy>(values: &mut Vec<T>, kept: &[bool]) {
@@ -97,7 +122,8 @@ pub struct LoadOptions {
     pub max_width: u32,
     /// Bounds the longer side instead.
     pub max_size: Option<u32>,
-    /// Names of the training views; otherwise `split.json`, otherwise `n_train` uniformly.
+    /// Names of the training views; otherwise `split.json`, otherwise the format's own, otherwise
+    /// `n_train` uniformly.
     pub train_views: Option<Vec<String>>,
     /// Names of the test views; otherwise `split.json`, otherwise `n_test` uniformly.
     pub test_views: Option<Vec<String>>,

@@ -1,8 +1,7 @@
 //! Point clouds as PLY: ASCII and both binary orders.
 //!
-//! The format is parsed by `ply-rs`, row by row. Before it sees a file, [`check_header`] refuses
-//! what it would panic on (counts beyond 64 bits), merge silently (names that appear twice) or
-//! loop over (counts that the file has no room for, rows of nothing).
+//! The format is parsed by `ply-rs`, row by row, behind [`read_header`]'s guard; counts that the
+//! file has no room for are refused before they are looped over.
 
 use std::io;
 
@@ -14,9 +13,7 @@ use ply_rs::ply::{
 
 use super::PointCloud;
 use crate::error::{Error, Result};
-
-/// Headers longer than this are no headers.
-const MAX_HEADER_BYTES: usize = 1 << 20;
+use crate::ply::{one_line, read_header, scalar_bytes};
 
 /// Float colours may leave `[0, 1]` by this much, for rounding.
 const COLOR_SLACK: f64 = 1e-3;
@@ -77,18 +74,11 @@ impl PropertyAccess for Skipped {
 /// Not a PLY, a header that does not fit the file's size, missing or mistyped properties, rows
 /// that cannot be read (with their byte, or their line in ASCII files), colours out of range.
 pub(super) fn read_ply(bytes: &[u8]) -> Result<PointCloud> {
-    check_header(bytes)?;
-    let mut rest = bytes;
-    let header = Parser::<Vertex>::new()
-        .read_header(&mut rest)
-        .map_err(|e| Error::new(format!("bad PLY header: {}", one_line(&e))))?;
+    let header = read_header(bytes)?;
     let mut rows = Rows {
         bytes,
-        position: bytes.len() - rest.len(),
-        line: 1 + bytes[..bytes.len() - rest.len()]
-            .split(|&b| b == b'\n')
-            .skip(1)
-            .count(),
+        position: header.end,
+        line: header.end_line,
         encoding: header.encoding,
     };
     for (name, element) in &header.elements {
@@ -137,67 +127,6 @@ fn read_vertices(rows: &mut Rows, element: &ElementDef) -> Result<PointCloud> {
         }
     }
     Ok(cloud)
-}
-
-/// Refuses what `ply-rs` must not see; see the module's text.
-fn check_header(bytes: &[u8]) -> Result<()> {
-    if !bytes.starts_with(b"ply") {
-        return Err(Error::new("not a PLY file: it does not begin with `ply`").at("byte 0"));
-    }
-    let head = &bytes[..bytes.len().min(MAX_HEADER_BYTES)];
-    let mut elements: Vec<&str> = Vec::new();
-    let mut properties: Vec<&str> = Vec::new();
-    let mut element_is_empty = false;
-    for (line, number) in head.split_inclusive(|&b| b == b'\n').zip(1..) {
-        if !line.ends_with(b"\n") {
-            break;
-        }
-        let here = |e: Error| e.at(format_args!("line {number}"));
-        let line = std::str::from_utf8(line)
-            .map_err(|_| here(Error::new("the PLY header is not UTF-8 text")))?;
-        let words: Vec<&str> = line.split_whitespace().collect();
-        let starts_section = matches!(words.first(), Some(&("element" | "end_header")));
-        if starts_section && element_is_empty {
-            return Err(here(Error::new("the element before has no properties")));
-        }
-        match *words.as_slice() {
-            ["end_header", ..] => return Ok(()),
-            ["format", _, version, ..] if version != "1.0" => {
-                let what = format!("PLY version `{}` is not 1.0", version.escape_debug());
-                return Err(here(Error::new(what)));
-            }
-            ["element", name, count, ..] => {
-                if count.parse::<u32>().is_err() {
-                    return Err(here(Error::new(format!(
-                        "element `{}` has no valid count below 2^32: `{}`",
-                        name.escape_debug(),
-                        count.escape_debug()
-                    ))));
-                }
-                if elements.contains(&name) {
-                    return Err(here(duplicate("element", name)));
-                }
-                elements.push(name);
-                properties.clear();
-                element_is_empty = true;
-            }
-            ["property", .., name] => {
-                if properties.contains(&name) {
-                    return Err(here(duplicate("property", name)));
-                }
-                properties.push(name);
-                element_is_empty = false;
-            }
-            _ => {}
-        }
-    }
-    Err(Error::new("the PLY header has no `end_header`")
-        .at(format_args!("byte {}", head.len()))
-        .way_out("the file is truncated or no PLY: export or copy it again"))
-}
-
-fn duplicate(kind: &str, name: &str) -> Error {
-    Error::new(format!("{kind} `{}` appears twice", name.escape_debug()))
 }
 
 fn check_vertex(element: &ElementDef) -> Result<()> {
@@ -322,12 +251,7 @@ impl Rows<'_> {
 /// Fewest bytes that a property takes in a binary row.
 fn min_bytes(data_type: &PropertyType) -> usize {
     let (PropertyType::Scalar(scalar) | PropertyType::List(scalar, _)) = data_type;
-    match scalar {
-        ScalarType::Char | ScalarType::UChar => 1,
-        ScalarType::Short | ScalarType::UShort => 2,
-        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
-        ScalarType::Double => 8,
-    }
+    scalar_bytes(scalar)
 }
 
 /// The row in the spelling that `ply-rs` reads, which has no `1E5`, `.5`, `nan` or `inf`:
@@ -346,14 +270,4 @@ fn plain_numbers(line: &str) -> io::Result<String> {
         plain.push(' ');
     }
     Ok(plain)
-}
-
-/// The messages of `ply-rs` quote whole lines of the file: one line of ours, and not too long.
-fn one_line(error: &io::Error) -> String {
-    let words: Vec<String> = error
-        .to_string()
-        .split_whitespace()
-        .map(|word| word.escape_debug().to_string())
-        .collect();
-    words.join(" ").chars().take(200).collect()
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use super::builtin::{CLOUD_VIEWS, WIDTHS};
-use super::colmap;
+use super::formats::FOLDERS;
 use crate::error::{Error, Result};
 
 /// Image width of the built-in scene where none is given, pixels.
@@ -119,7 +119,7 @@ impl CloudSource {
             (CloudSource::File(path), _) => {
                 let folders: Vec<PathBuf> = match scene {
                     SceneSource::Folder(dir) => {
-                        let models = colmap::FOLDERS.map(|model| dir.join(model));
+                        let models = FOLDERS.map(|model| dir.join(model));
                         [vec![dir.clone()], models.to_vec()].concat()
                     }
                     SceneSource::Builtin { .. } => Vec::new(),

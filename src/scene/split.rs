@@ -5,9 +5,11 @@ use std::path::Path;
 
 use serde::Deserialize;
 
+use super::bytes::read_regular;
 use super::images::Matched;
+use super::layout::NamedSplit;
 use super::{LoadOptions, Scene, View};
-use crate::error::{Error, Result, read_file};
+use crate::error::{Error, Result};
 
 /// Indices of the views, in the order of the list or the protocol that chose them.
 #[derive(Debug)]
@@ -23,10 +25,10 @@ struct SplitFile {
     test: Option<Vec<String>>,
 }
 
-/// Training views are those of `options.train_views`, else of `split.json`, else `n_train`
-/// uniformly over the sorted names; test views are those of `options.test_views`, else of
-/// `split.json`, else up to `n_test` uniformly over the sorted names of the rest (the paper's
-/// protocol).
+/// Training views are those of `options.train_views`, else of `split.json`, else of the
+/// format's `own` split, else `n_train` uniformly over the sorted names; test views are those of
+/// `options.test_views`, else of `split.json` or else `own`, else up to `n_test` uniformly over
+/// the sorted names of the rest (the paper's protocol).
 ///
 /// # Errors
 ///
@@ -36,17 +38,22 @@ struct SplitFile {
 pub(super) fn choose(
     dir: &Path,
     matched: &Matched,
+    own: Option<NamedSplit>,
     options: &LoadOptions,
     warnings: &mut Vec<String>,
 ) -> Result<Split> {
-    let path = dir.join("split.json");
-    let file = read_split(&path)?;
-    let in_file = |e: Error| e.at_path(&path);
+    let listed = match read_split(&dir.join("split.json"))? {
+        None => own,
+        file => file,
+    };
+    let place = listed.as_ref().map(|l| l.place.clone()).unwrap_or_default();
+    let in_list = |e: Error| e.at_path(&place);
+    let file_name = place.file_name().unwrap_or_default().to_string_lossy();
 
     let train = if let Some(names) = &options.train_views {
         training_views(names, matched, Error::usage)?
-    } else if let Some(file) = &file {
-        training_views(&file.train, matched, Error::new).map_err(in_file)?
+    } else if let Some(listed) = &listed {
+        training_views(&listed.train, matched, Error::new).map_err(in_list)?
     } else {
         if options.n_train == 0 {
             return Err(Error::usage("0 training views asked for").way_out("train on at least 1"));
@@ -62,25 +69,25 @@ pub(super) fn choose(
         uniform(&sorted, options.n_train)
     };
 
-    let test = match (&options.test_views, file.and_then(|file| file.test)) {
+    let test = match (&options.test_views, listed.and_then(|listed| listed.test)) {
         (Some(names), _) => {
             let test = named_views(names, "test", matched, Error::usage)?;
             if let Some(&i) = test.iter().find(|i| train.contains(i)) {
-                return Err(in_both(&matched.views[i].camera.name));
+                return Err(in_both(&matched.views[i].posed.camera.name));
             }
             test
         }
         (None, Some(names)) => {
-            let mut test = test_views(&names, matched, warnings);
+            let mut test = test_views(&names, &file_name, matched, warnings);
             let both = test.iter().filter(|i| train.contains(i)).count();
             if both > 0 && options.train_views.is_none() {
                 let what = format!("{both} views are in both `train` and `test`");
-                return Err(in_file(Error::new(what).way_out("list each view once")));
+                return Err(in_list(Error::new(what).way_out("list each view once")));
             }
             if both > 0 {
                 test.retain(|i| !train.contains(i));
                 warnings.push(format!(
-                    "{both} test views of `split.json` are trained on and so not tested"
+                    "{both} test views of `{file_name}` are trained on and so not tested"
                 ));
             }
             test
@@ -90,16 +97,20 @@ pub(super) fn choose(
     Ok(Split { train, test })
 }
 
-fn read_split(path: &Path) -> Result<Option<SplitFile>> {
+fn read_split(path: &Path) -> Result<Option<NamedSplit>> {
     if !path.exists() {
         return Ok(None);
     }
-    let bytes = read_file(path)?;
-    serde_json::from_slice(&bytes).map(Some).map_err(|e| {
+    let file: SplitFile = serde_json::from_slice(&read_regular(path)?).map_err(|e| {
         Error::new(format!("not a split file: {e}"))
             .at_path(path)
             .way_out("write {\"train\": [\"a.jpg\", ...], \"test\": [\"b.jpg\", ...]}")
-    })
+    })?;
+    Ok(Some(NamedSplit {
+        train: file.train,
+        test: file.test,
+        place: path.to_owned(),
+    }))
 }
 
 fn in_both(name: &str) -> Error {
@@ -196,7 +207,13 @@ fn named_views(
     Ok(chosen)
 }
 
-fn test_views(names: &[String], matched: &Matched, warnings: &mut Vec<String>) -> Vec<usize> {
+/// The views named in the file `place` that can be used.
+fn test_views(
+    names: &[String],
+    place: &str,
+    matched: &Matched,
+    warnings: &mut Vec<String>,
+) -> Vec<usize> {
     let mut seen = BTreeSet::new();
     let mut chosen = Vec::new();
     let mut unusable = Vec::new();
@@ -210,7 +227,7 @@ fn test_views(names: &[String], matched: &Matched, warnings: &mut Vec<String>) -
     }
     if let Some(example) = unusable.first() {
         warnings.push(format!(
-            "{} test views of `split.json` have no posed image and are left out: `{}`{}",
+            "{} test views of `{place}` have no posed image and are left out: `{}`{}",
             unusable.len(),
             example.escape_debug(),
             if unusable.len() > 1 { ", ..." } else { "" }
@@ -218,7 +235,7 @@ fn test_views(names: &[String], matched: &Matched, warnings: &mut Vec<String>) -
     }
     if n_repeated > 0 {
         warnings.push(format!(
-            "{n_repeated} test views of `split.json` are named again: used once"
+            "{n_repeated} test views of `{place}` are named again: used once"
         ));
     }
     chosen
@@ -230,14 +247,14 @@ fn sorted_by_name(matched: &Matched, without: &[usize]) -> Vec<usize> {
         .filter(|i| !without.contains(i))
         .collect();
     rest.sort_by(|&a, &b| {
-        let name = |i: usize| &matched.views[i].camera.name;
+        let name = |i: usize| &matched.views[i].posed.camera.name;
         name(a).cmp(name(b))
     });
     rest
 }
 
 /// `n` of `items` at the indices `round(i (N - 1) / (n - 1))`, all where there are no more.
-fn uniform(items: &[usize], n: usize) -> Vec<usize> {
+pub(super) fn uniform<T: Clone>(items: &[T], n: usize) -> Vec<T> {
     if n >= items.len() {
         return items.to_vec();
     }
@@ -247,7 +264,7 @@ fn uniform(items: &[usize], n: usize) -> Vec<usize> {
     let last = items.len() - 1;
     let steps = n - 1;
     (0..n)
-        .map(|i| items[(2 * i * last + steps) / (2 * steps)])
+        .map(|i| items[(2 * i * last + steps) / (2 * steps)].clone())
         .collect()
 }
 

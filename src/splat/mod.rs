@@ -45,7 +45,8 @@ impl SplatImage {
 /// well as that allows. The nearest point wins a pixel; depths are compared rounded to f32, and
 /// of equal ones the lower index wins. Then the connectivity filter empties covered pixels with
 /// fewer than `config.filter_min_neighbors` other covered pixels in their window, all decided
-/// on the unfiltered mask. Points nearer than `near * frame.radius` are not drawn.
+/// on the unfiltered mask. Points nearer than `near * frame.radius` are not drawn, nor are those
+/// whose [`PointCloud::relative_confidence`] is below `config.min_confidence`.
 ///
 /// Memory: 4 bytes a pixel for every camera, and 9 a pixel for every thread at work. The result
 /// does not depend on the number of threads.
@@ -60,7 +61,10 @@ pub fn splat_views(
     near: f64,
 ) -> Result<Vec<SplatImage>> {
     check(cameras, config)?;
-    let points = Points::new(cloud, frame)?;
+    let mut points = Points::new(cloud, frame)?;
+    if let Some(confidence) = cloud.relative_confidence() {
+        points.hide(confidence.iter().map(|c| *c < config.min_confidence));
+    }
     Ok(cameras
         .par_iter()
         .map_init(Scratch::default, |(z_buffer, filter), camera| {

@@ -97,6 +97,16 @@ impl Points {
         })
     }
 
+    /// Draws no point from now on that `hidden`, one entry a point, says true of.
+    pub fn hide(&mut self, hidden: impl Iterator<Item = bool>) {
+        for (z, hidden) in self.z.iter_mut().zip(hidden) {
+            if hidden {
+                // Nothing that is NaN is drawn.
+                *z = f64::NAN;
+            }
+        }
+    }
+
     /// Draws all points into a canonical `camera`'s `z_buffer`, which is emptied first: squares
     /// of `size_px` pixels, and nothing nearer than `near`.
     pub fn draw(&self, camera: &Camera, size_px: u32, near: f64, z_buffer: &mut ZBuffer) {

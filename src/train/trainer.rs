@@ -104,6 +104,11 @@ pub trait Observer {
     }
 }
 
+/// Nobody is told.
+impl Observer for () {
+    fn look(&mut self, _: &LossSample, _: usize) {}
+}
+
 /// A change of the set of Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PlanRecord {

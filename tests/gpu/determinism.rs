@@ -8,10 +8,10 @@ use gspotential::eval::EvalOptions;
 use gspotential::gaussians::Gaussians;
 use gspotential::gpu::Gpu;
 use gspotential::pipeline::{self, Prepared, TrainJob, prepare};
-use gspotential::run::{Evaluation, LossSample, Metrics, RunDir, Seconds, Stop};
+use gspotential::run::{Evaluation, Metrics, RunDir, Seconds, Stop};
 use gspotential::scene::builtin::{BuiltinOptions, scene};
 use gspotential::scene::{Scene, SceneSource};
-use gspotential::train::{Observer, Trained, Trainer};
+use gspotential::train::{Trained, Trainer};
 
 use super::rig::context;
 use super::views::print;
@@ -139,12 +139,6 @@ fn check_curve(metrics: &Metrics, evaluation: &Evaluation, eval_every: Option<u3
     );
 }
 
-struct Quiet;
-
-impl Observer for Quiet {
-    fn look(&mut self, _: &LossSample, _: usize) {}
-}
-
 #[test]
 fn a_run_whose_pairs_do_not_fit_at_first_is_equal_to_one_with_room() {
     let mut config = config();
@@ -170,7 +164,7 @@ fn a_run_whose_pairs_do_not_fit_at_first_is_equal_to_one_with_room() {
             trainer.reserve_pairs(pairs).expect("fits");
         }
         let before = trainer.pair_capacity();
-        let trained = trainer.run(&mut Quiet).expect("trains");
+        let trained = trainer.run(&mut ()).expect("trains");
         (trained, trainer.pair_capacity() > before)
     };
     let (tight, grew) = train(None, &config);

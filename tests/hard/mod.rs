@@ -9,14 +9,7 @@ use gspotential::config::Config;
 use gspotential::doctor::Context;
 use gspotential::error::Result;
 use gspotential::gaussians::Gaussians;
-use gspotential::run::LossSample;
-use gspotential::train::{Observer, Supervision, Trained, train};
-
-struct Quiet;
-
-impl Observer for Quiet {
-    fn look(&mut self, _: &LossSample, _: usize) {}
-}
+use gspotential::train::{Supervision, Trained, train};
 
 /// Every parameter, class by class and one Gaussian after the other.
 fn parameters(g: &Gaussians) -> [(&'static str, usize, Vec<f32>); 5] {
@@ -39,15 +32,7 @@ pub fn survive(
     supervision: &Supervision,
     config: &Config,
 ) -> Result<Trained> {
-    let mut quiet = Quiet;
-    let trained = train(
-        &ctx.gpu,
-        &ctx.kernels,
-        start,
-        supervision,
-        config,
-        &mut quiet,
-    )?;
+    let trained = train(&ctx.gpu, &ctx.kernels, start, supervision, config, &mut ())?;
     assert!(!trained.samples.is_empty(), "{name}");
     for sample in &trained.samples {
         let losses = [Some(sample.real), sample.virt];

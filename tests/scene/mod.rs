@@ -2,9 +2,15 @@
 
 pub mod build;
 mod cloud;
+mod fixtures;
+mod formats;
+mod hostile;
 mod images;
+mod lens;
 mod masks;
 mod model;
+mod npy;
 mod ply;
 mod real;
 mod split;
+mod transforms;

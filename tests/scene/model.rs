@@ -230,8 +230,8 @@ fn models_without_an_image_are_refused() {
 fn unsupported_camera_models_name_the_way_out() {
     let mut model = good();
     for (id, name) in [
-        (2, "SIMPLE_RADIAL"),
-        (4, "OPENCV"),
+        (5, "OPENCV_FISHEYE"),
+        (6, "FULL_OPENCV"),
         (11, "RAD_TAN_THIN_PRISM_FISHEYE"),
     ] {
         model.cameras[1] = (-9, name, id, vec![1.0; 12]);

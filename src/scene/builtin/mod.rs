@@ -22,7 +22,7 @@ pub use cloud::{Imperfections, is_depth_edge, point_cloud};
 pub use still_life::DOME_RADIUS;
 pub use trace::{Hit, Traced, render, surface_distance, trace, unproject};
 
-use super::{Scene, View};
+use super::{PoseProtocol, Scene, View};
 use crate::camera::Camera;
 
 /// Image widths that the built-in scene is made at.
@@ -116,6 +116,7 @@ pub fn scene(options: &BuiltinOptions) -> Scene {
         train,
         test,
         cloud,
+        pose_protocol: PoseProtocol::SharedFrame,
         warnings,
     }
 }

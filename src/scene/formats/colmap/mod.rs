@@ -11,15 +11,17 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::images::check_name;
-use super::load::Layout;
-use crate::camera::Camera;
-use crate::error::{Error, Result, read_file};
+use super::{Probe, first_file};
+use crate::error::{Error, Result};
+use crate::scene::LoadOptions;
+use crate::scene::bytes::read_regular;
+use crate::scene::images::check_name;
+use crate::scene::layout::{Intrinsics, Layout, PosedCamera};
 
-pub(super) use points::{read_points_binary, read_points_text};
+pub(in crate::scene) use points::{read_points_binary, read_points_text};
 
-/// Where a model is looked for, in this order.
-pub(super) const FOLDERS: [&str; 3] = ["sparse/0", "sparse", "0"];
+/// Where a model is looked for, in this order: 3DGS, VGGT, and MASt3R with GLOMAP.
+pub(in crate::scene) const FOLDERS: [&str; 4] = ["sparse/0", "sparse", "0", "reconstruction/0"];
 
 /// Names of COLMAP's camera models by their id in binary files.
 const MODELS: [&str; 12] = [
@@ -37,59 +39,42 @@ const MODELS: [&str; 12] = [
     "RAD_TAN_THIN_PRISM_FISHEYE",
 ];
 
-/// Sides of images, and of the cameras that took them, beyond this are refused.
-const MAX_SIDE: u64 = 1 << 20;
-
-/// The model of the scene folder `dir`: its folder relative to `dir`, and the extension of its
-/// files. Where both encodings are there, the binary one is what COLMAP itself would take.
-fn find_model(dir: &Path) -> Option<(&'static str, &'static str)> {
-    let models = FOLDERS.into_iter().flat_map(|f| [(f, "bin"), (f, "txt")]);
-    models
-        .into_iter()
-        .find(|(folder, ext)| dir.join(folder).join(format!("cameras.{ext}")).is_file())
+/// The folder of the scene `dir` that holds a model.
+fn find_model(dir: &Path) -> Option<Probe> {
+    let mut folders = FOLDERS.iter();
+    let found = folders.find(|folder| has_model(&dir.join(folder)));
+    found.map(|folder| Probe::new(dir, folder))
 }
 
-/// Reads the COLMAP model of the scene folder `dir`; `None` where it has none.
-pub(super) fn read(dir: &Path) -> Result<Option<Layout>> {
-    let Some((folder, extension)) = find_model(dir) else {
-        return Ok(None);
-    };
-    let model_dir = dir.join(folder);
-    let cameras_path = model_dir.join(format!("cameras.{extension}"));
-    let images_path = model_dir.join(format!("images.{extension}"));
-    let cameras = read_file(&cameras_path)?;
-    let images = read_file(&images_path)?;
-    let mut model = Model::default();
-    let (kind, read_cameras, read_images): (_, ReadInto, ReadInto) = match extension {
-        "bin" => ("binary", binary::read_cameras, binary::read_images),
-        _ => ("text", text::read_cameras, text::read_images),
-    };
-    read_cameras(&cameras, &mut model).map_err(|e| e.at_path(&cameras_path))?;
-    read_images(&images, &mut model).map_err(|e| e.at_path(&images_path))?;
-    if model.views.is_empty() {
-        return Err(Error::new("the model has no posed image")
-            .at_path(&images_path)
-            .way_out("the reconstruction failed: run it again on more overlapping images"));
-    }
-    Ok(Some(Layout {
-        source: format!("{folder} ({kind})"),
-        cameras: model.views,
+pub(super) fn find(dir: &Path, _: &LoadOptions) -> Result<Option<Probe>> {
+    Ok(find_model(dir))
+}
+
+/// Reads the model that [`find`] found.
+pub(super) fn read(dir: &Path, probe: &Probe, _: &LoadOptions) -> Result<Layout> {
+    let model = read_model(&probe.path)?;
+    Ok(Layout {
+        source: format!("{} ({})", probe.name, model.encoding),
         image_dir: dir.join("images"),
-        cloud: find_cloud(dir, &model_dir),
-        n_unnormalized: model.n_unnormalized,
-    }))
+        cloud: find_cloud(dir, &probe.path),
+        split: None,
+        warnings: model.warnings(),
+        cameras: model.views,
+    })
 }
 
-/// Clouds that the scene folder `dir` offers besides the one that is taken: `points*.ply` beside
+/// Clouds that the COLMAP scene `dir` offers besides the one that is taken: `points*.ply` beside
 /// the model and in `dir`, by name.
 ///
 /// # Errors
 /// A folder that cannot be listed.
 pub fn other_clouds(dir: &Path) -> Result<Vec<PathBuf>> {
-    let Some((folder, _)) = find_model(dir) else {
+    let Some(Probe {
+        path: model_dir, ..
+    }) = find_model(dir)
+    else {
         return Ok(Vec::new());
     };
-    let model_dir = dir.join(folder);
     let own = find_cloud(dir, &model_dir).ok();
     let mut clouds = Vec::new();
     for folder in [model_dir.as_path(), dir] {
@@ -107,7 +92,7 @@ pub fn other_clouds(dir: &Path) -> Result<Vec<PathBuf>> {
     Ok(clouds)
 }
 
-/// Says where [`read`] looks, for the error that no format was recognised.
+/// Says where [`find`] looks, for the error that no format was recognised.
 pub(super) fn expected() -> String {
     format!(
         "a COLMAP model (cameras and images as .bin or .txt) in {}",
@@ -115,42 +100,63 @@ pub(super) fn expected() -> String {
     )
 }
 
+pub(super) fn has_model(folder: &Path) -> bool {
+    let mut names = ["cameras.bin", "cameras.txt"].iter();
+    names.any(|name| folder.join(name).is_file())
+}
+
+/// Reads the cameras and images in `folder`.
+pub(super) fn read_model(folder: &Path) -> Result<Model> {
+    let mut model = Model::default();
+    // Where both are there, the binary one is what COLMAP itself would take.
+    let (extension, read_cameras, read_images): (_, ReadInto, ReadInto) =
+        if folder.join("cameras.bin").is_file() {
+            model.encoding = "binary";
+            ("bin", binary::read_cameras, binary::read_images)
+        } else {
+            model.encoding = "text";
+            ("txt", text::read_cameras, text::read_images)
+        };
+    let cameras_path = folder.join(format!("cameras.{extension}"));
+    let images_path = folder.join(format!("images.{extension}"));
+    let cameras = read_regular(&cameras_path)?;
+    let images = read_regular(&images_path)?;
+    read_cameras(&cameras, &mut model).map_err(|e| e.at_path(&cameras_path))?;
+    read_images(&images, &mut model).map_err(|e| e.at_path(&images_path))?;
+    if model.views.is_empty() {
+        return Err(Error::new("the model has no posed image")
+            .at_path(&images_path)
+            .way_out("the reconstruction failed: run it again on more overlapping images"));
+    }
+    Ok(model)
+}
+
 /// Our own DUSt3R-style PLY before COLMAP's sparse points, which are too few to fill a view.
-fn find_cloud(dir: &Path, model_dir: &Path) -> Result<PathBuf> {
-    let candidates = [
-        model_dir.join("points3D.ply"),
+fn find_cloud(dir: &Path, folder: &Path) -> Result<PathBuf> {
+    first_file(&[
+        folder.join("points3D.ply"),
         dir.join("points3D.ply"),
-        model_dir.join("points.ply"),
+        folder.join("points.ply"),
         dir.join("points.ply"),
-        model_dir.join("points3D.bin"),
-        model_dir.join("points3D.txt"),
-    ];
-    let found = candidates.iter().find(|path| path.is_file()).cloned();
-    found.ok_or_else(|| {
+        folder.join("points3D.bin"),
+        folder.join("points3D.txt"),
+    ])
+    .ok_or_else(|| {
         Error::new("no point cloud beside the model")
-            .at_path(model_dir)
+            .at_path(folder)
             .way_out("add points3D.ply, points.ply, points3D.bin or points3D.txt")
     })
 }
 
 type ReadInto = fn(&[u8], &mut Model) -> Result<()>;
 
-/// A camera of `cameras.*`; images may share it. Lengths in pixels.
-#[derive(Clone, Copy)]
-struct Intrinsics {
-    width: u32,
-    height: u32,
-    fx: f64,
-    fy: f64,
-    cx: f64,
-    cy: f64,
-}
-
 /// What the two encodings are read into; all checks of values are here.
 #[derive(Default)]
-struct Model {
+pub(super) struct Model {
+    pub views: Vec<PosedCamera>,
+    pub encoding: &'static str,
+    /// Cameras of `cameras.*`, which images may share.
     intrinsics: BTreeMap<i64, Intrinsics>,
-    views: Vec<Camera>,
     names: BTreeSet<String>,
     /// Poses whose quaternion was off unit length by more than rounding explains.
     n_unnormalized: usize,
@@ -160,7 +166,9 @@ struct Model {
 fn n_params(id: i64, model: &str) -> Result<usize> {
     match model {
         "SIMPLE_PINHOLE" => Ok(3),
-        "PINHOLE" => Ok(4),
+        "PINHOLE" | "SIMPLE_RADIAL" => Ok(4),
+        "RADIAL" => Ok(5),
+        "OPENCV" => Ok(8),
         _ => Err(Error::new(format!(
             "camera {id}: camera model `{}` is not supported",
             model.escape_debug()
@@ -170,10 +178,19 @@ fn n_params(id: i64, model: &str) -> Result<usize> {
 }
 
 impl Model {
+    pub fn warnings(&self) -> Vec<String> {
+        let n = self.n_unnormalized;
+        let warning = format!("{n} poses have quaternions that are not of unit length: normalised");
+        (n > 0).then_some(warning).into_iter().collect()
+    }
+
     fn add_camera(&mut self, id: i64, model: &str, size: [u64; 2], params: &[f64]) -> Result<()> {
-        let (fx, fy, cx, cy) = match (model, params) {
-            ("SIMPLE_PINHOLE", &[f, cx, cy]) => (f, f, cx, cy),
-            ("PINHOLE", &[fx, fy, cx, cy]) => (fx, fy, cx, cy),
+        let (pinhole, distortion) = match (model, params) {
+            ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f, cx, cy], [0.0; 4]),
+            ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy, cx, cy], [0.0; 4]),
+            ("SIMPLE_RADIAL", &[f, cx, cy, k]) => ([f, f, cx, cy], [k, 0.0, 0.0, 0.0]),
+            ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f, cx, cy], [k1, k2, 0.0, 0.0]),
+            ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => ([fx, fy, cx, cy], [k1, k2, p1, p2]),
             _ => {
                 return Err(Error::new(format!(
                     "camera {id}: {model} has {} parameters, found {}",
@@ -182,30 +199,8 @@ impl Model {
                 )));
             }
         };
-        let [width, height] = size;
-        if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
-            return Err(Error::new(format!(
-                "camera {id}: image size {width}x{height} is not within 1 to {MAX_SIDE}"
-            )));
-        }
-        if !(fx > 0.0 && fy > 0.0 && fx.is_finite() && fy.is_finite()) {
-            return Err(Error::new(format!(
-                "camera {id}: focal length {fx}, {fy} is not positive and finite"
-            )));
-        }
-        if !(cx.is_finite() && cy.is_finite()) {
-            return Err(Error::new(format!(
-                "camera {id}: principal point {cx}, {cy} is not finite"
-            )));
-        }
-        let intrinsics = Intrinsics {
-            width: width as u32,
-            height: height as u32,
-            fx,
-            fy,
-            cx,
-            cy,
-        };
+        let intrinsics = Intrinsics::new(size.map(|side| side as f64), pinhole, distortion)
+            .map_err(|e| e.at(format_args!("camera {id}")))?;
         match self.intrinsics.insert(id, intrinsics) {
             None => Ok(()),
             Some(_) => Err(Error::new(format!("camera {id} appears twice"))),
@@ -241,25 +236,9 @@ impl Model {
             return Err(what("the name appears twice".to_owned()).way_out("keep one of the poses"));
         }
         self.n_unnormalized += usize::from((norm - 1.0).abs() > 1e-3);
-        let Intrinsics {
-            width,
-            height,
-            fx,
-            fy,
-            cx,
-            cy,
-        } = *intrinsics;
-        self.views.push(Camera {
-            name: name.to_owned(),
-            width,
-            height,
-            fx,
-            fy,
-            cx,
-            cy,
-            rotation: DMat3::from_quat(rotation.normalize()),
-            translation,
-        });
+        let rotation = DMat3::from_quat(rotation.normalize());
+        self.views
+            .push(intrinsics.posed(name.to_owned(), rotation, translation));
         Ok(())
     }
 }
