@@ -7,12 +7,18 @@ use std::process::Command;
 use super::content::HOSTILE;
 use super::run_with;
 
-/// Before the page's own scripts: counts errors, and has frames without a screen.
+/// Before the page's own scripts: counts errors, has frames without a screen, and writes down what
+/// was found.
 const BEFORE: &str = r#"<script>
 window.problems = [];
 window.addEventListener("error", (e) => problems.push(String(e.message)));
 console.error = (...args) => problems.push(args.join(" "));
 window.requestAnimationFrame = (f) => setTimeout(() => f(performance.now()), 10);
+function report(found) {
+  const element = document.createElement("pre");
+  element.textContent = `found:${btoa(unescape(encodeURIComponent(JSON.stringify(found))))}:found`;
+  document.body.append(element);
+}
 </script>"#;
 
 /// After them: moves what can be moved and writes down what came of it.
@@ -59,9 +65,7 @@ setTimeout(() => {
   for (let i = 0; i < 30; i++) scene.dispatchEvent(new WheelEvent("wheel", { deltaY: -100 }));
   setTimeout(() => {
     found.scene_near = Array.from(pixels("scene").slice(0, 3));
-    const report = document.createElement("pre");
-    report.textContent = `found:${btoa(unescape(encodeURIComponent(JSON.stringify(found))))}:found`;
-    document.body.append(report);
+    report(found);
   }, 500);
 }, 500);
 </script>"##;
@@ -76,15 +80,20 @@ fn browser() -> Option<String> {
     named.into_iter().chain(known).find(answers)
 }
 
-/// Opens `page` with the probes around its scripts and returns what they found; None without a
+/// Whether a page has met with no problem so far.
+pub fn is_as_opened(found: &serde_json::Value) -> bool {
+    found["problems"] == serde_json::json!([])
+}
+
+/// Opens `page` with `after` behind its scripts and returns what that reports; None without a
 /// browser.
-fn open(folder: &Path, page: &str) -> Option<serde_json::Value> {
+pub fn found_in(folder: &Path, page: &str, after: &str) -> Option<serde_json::Value> {
     let Some(browser) = browser() else {
         eprintln!("no Chromium here: the page is not opened");
         return None;
     };
     let probed = page.replacen("<title>", &format!("{BEFORE}<title>"), 1);
-    let probed = probed.replacen("</body>", &format!("{AFTER}</body>"), 1);
+    let probed = probed.replacen("</body>", &format!("{after}</body>"), 1);
     let path = folder.join("probed.html");
     std::fs::write(&path, probed).unwrap();
     let output = Command::new(browser)
@@ -123,10 +132,10 @@ fn open(folder: &Path, page: &str) -> Option<serde_json::Value> {
 fn the_page_lives_in_a_browser() {
     let folder = tempfile::tempdir().unwrap();
     let page = run_with(&folder.path().join("run"), HOSTILE);
-    let Some(found) = open(folder.path(), &page) else {
+    let Some(found) = found_in(folder.path(), &page, AFTER) else {
         return;
     };
-    assert_eq!(found["problems"], serde_json::json!([]));
+    assert!(is_as_opened(&found), "{found}");
     assert_eq!(found["cut_before"], "inset(0px 0px 0px 50%)");
     assert_eq!(found["cut_after"], "inset(0px 0px 0px 80%)");
     // The ball is red, nothing is around it, and near enough it fills the view.
@@ -150,8 +159,8 @@ fn a_broken_page_is_found_out() {
     let page = run_with(&folder.path().join("run"), "t.png");
     let broken = page.replacen("\"quantities\":", "\"nothing\":", 1);
     assert_ne!(page, broken);
-    let Some(found) = open(folder.path(), &broken) else {
+    let Some(found) = found_in(folder.path(), &broken, AFTER) else {
         return;
     };
-    assert_ne!(found["problems"], serde_json::json!([]));
+    assert!(!is_as_opened(&found));
 }
