@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use super::content::HOSTILE;
-use super::run_with;
+use super::{PRINCIPAL, SIZE, run_with};
 
 /// Before the page's own scripts: counts errors, has frames without a screen, and writes down what
 /// was found.
@@ -38,6 +38,18 @@ const centre = (id) => {
   const at = 4 * (width * Math.floor(height / 2) + Math.floor(width / 2));
   return Array.from(all.slice(at, at + 3));
 };
+// Where red is, as shares of width and height.
+const middle = (id) => {
+  const all = pixels(id);
+  const { width, height } = document.getElementById(id);
+  let [x, y, sum] = [0, 0, 0];
+  for (let i = 0; i < width * height; i++) {
+    x += all[4 * i] * (i % width + 0.5) / width;
+    y += all[4 * i] * (Math.floor(i / width) + 0.5) / height;
+    sum += all[4 * i];
+  }
+  return [x / sum, y / sum];
+};
 setTimeout(() => {
   const compare = document.querySelector(".compare");
   const cut = () => getComputedStyle(compare.querySelectorAll("img")[1]).clipPath;
@@ -48,6 +60,7 @@ setTimeout(() => {
   found.cut_after = cut();
 
   found.scene_centre = centre("scene");
+  found.ball = middle("scene");
   found.scene_corner = Array.from(pixels("scene").slice(0, 3));
   const globe = pixels("globe").join();
   const key = new KeyboardEvent("keydown", { key: "ArrowLeft" });
@@ -144,6 +157,15 @@ fn the_page_lives_in_a_browser() {
     assert!(is_red(color("scene_centre")), "{found}");
     assert_eq!(color("scene_corner"), [0, 0, 0]);
     assert!(is_red(color("scene_near")), "{found}");
+    // The focus is seen where the camera's axis meets the image.
+    let expected = [
+        PRINCIPAL.0 / f64::from(SIZE.0),
+        PRINCIPAL.1 / f64::from(SIZE.1),
+    ];
+    for (i, expected) in expected.iter().enumerate() {
+        let share = found["ball"][i].as_f64().unwrap();
+        assert!((share - expected).abs() < 0.003, "{found}");
+    }
     assert_eq!(found["globe_turns"], true);
     assert_eq!(found["map_changes"], true);
     let cameras = found["cameras"].as_array().unwrap();

@@ -21,6 +21,9 @@ use gspotential::scene::{Image, View};
 
 const SIZE: (u32, u32) = (60, 40);
 
+/// Not the centre.
+const PRINCIPAL: (f64, f64) = (33.0, 18.0);
+
 fn camera(name: &str, azimuth: f64) -> Camera {
     let any = Camera {
         name: String::new(),
@@ -28,8 +31,8 @@ fn camera(name: &str, azimuth: f64) -> Camera {
         height: SIZE.1,
         fx: 60.0,
         fy: 60.0,
-        cx: 30.0,
-        cy: 20.0,
+        cx: PRINCIPAL.0,
+        cy: PRINCIPAL.1,
         rotation: DMat3::IDENTITY,
         translation: DVec3::ZERO,
     };
