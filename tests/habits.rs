@@ -191,6 +191,18 @@ fn logs_are_quiet_or_json_and_a_run_is_exported() {
     assert_eq!(n_bytes, 32 * n);
     let output = command(folder.path(), "export run --out run.spz");
     assert_eq!(output.status.code(), Some(2));
+
+    // A page that is gone is made again, and one over all runs where it is asked for.
+    std::fs::remove_file(folder.path().join("run/report.html")).unwrap();
+    stdout(folder.path(), "eval run --html runs.html");
+    assert!(folder.path().join("run/report.html").is_file());
+    let page = std::fs::read_to_string(folder.path().join("runs.html")).unwrap();
+    assert!(
+        page.contains("<h1>1 run</h1>") && page.contains("builtin"),
+        "{page}"
+    );
+    let output = command(folder.path(), "eval run --html runs.html");
+    assert_eq!(output.status.code(), Some(1), "it is there already");
 }
 
 /// An opaque ball of Gaussians seen from a distance of 2, in a scene of another unit.

@@ -208,7 +208,7 @@ pub fn prefer_adapter(name: &str) {
 /// All adapters: discrete before integrated before virtual before software.
 ///
 /// # Errors
-/// There is none.
+/// No adapter.
 pub fn adapters() -> Result<Vec<wgpu::Adapter>> {
     let mut description = wgpu::InstanceDescriptor::new_without_display_handle();
     description.backends = wgpu::Backends::PRIMARY;

@@ -209,7 +209,10 @@ pub fn write_comparison(path: &Path, scenes: &[SceneRuns]) -> Result<()> {
         .map(SceneRuns::section)
         .collect::<Result<_>>()?;
     let n_runs: usize = scenes.iter().map(|scene| scene.runs.len()).sum();
-    let title = format!("{n_runs} runs");
+    let title = match n_runs {
+        1 => "1 run".to_owned(),
+        n => format!("{n} runs"),
+    };
     let body = html! {
         h1 { (title) }
         p.quiet { "gspotential " (env!("CARGO_PKG_VERSION")) }
