@@ -12,6 +12,8 @@ struct Step {
     betas: vec4f,
     // 1 / (1 - beta1^t), 1 / sqrt(1 - beta2^t), epsilon, 0.
     corrections: vec4f,
+    // x: upper bound of log scales.
+    limits: vec4f,
     // Number of Gaussians, stride, 0, 0.
     counts: vec4u,
 }
@@ -48,6 +50,10 @@ fn adam_geometry(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
         let index = plane * step.counts.y + id;
         update(index, source[index], step.rates[plane]);
     }
+    let index = step.counts.y + id;
+    let scales = parameters[index].xyz;
+    let largest = vec3f(step.limits.x);
+    parameters[index] = vec4f(select(scales, largest, scales > largest), 0.0);
     let seen = screen[id];
     if (seen.y > 0.0) {
         let old = statistics[id];

@@ -147,11 +147,15 @@ impl Twin {
     }
 }
 
-/// Steps a model of degree `stored`, the active degree rising to it, over one view or two.
+/// About the median of the scales: half of the Gaussians are bounded.
+pub const BOUND: f32 = -2.625;
+
+/// Steps a model of degree `stored`, the active degree rising to it, over one view or two, with
+/// log scales bounded by `max_scale_log`.
 ///
 /// # Errors
 /// A GPU fault, or a case that the adapter cannot hold.
-pub fn examine(ctx: &Context, stored: u32, n_views: usize) -> Result<Findings> {
+pub fn examine(ctx: &Context, stored: u32, n_views: usize, max_scale_log: f32) -> Result<Findings> {
     let gpu = &ctx.gpu;
     let config = config()?;
     let case = random_scene(N, stored as usize, 80 + u64::from(stored));
@@ -177,15 +181,26 @@ pub fn examine(ctx: &Context, stored: u32, n_views: usize) -> Result<Findings> {
             backward.d_color.write(gpu, &drawn.color);
             backward.screen.write(gpu, &vec![[0.0_f32; 2]; stride]);
         }
-        let step = StepUniform::new(&config, iteration, EXTENT, &CENTERS[..n_views]);
+        let step = StepUniform::new(&config, iteration, EXTENT, &CENTERS[..n_views])
+            .with_max_scale_log(max_scale_log);
         let mut commands = Commands::new(gpu);
         optimizer.step(gpu, &ctx.optimizer, &groups, &mut commands, (step, degree));
         commands.submit();
         let gradients = drawn.gradients(&twin.values[0], n_views, degree, n_sh);
         twin.step(&config, iteration, n_sh, &gradients);
+        for scale in &mut twin.values[2] {
+            *scale = scale.min(f64::from(max_scale_log));
+        }
     }
 
-    let mut out = Findings::of(format!("degree {stored}, {n_views} views, {STEPS} steps"));
+    let bounded = if max_scale_log < f32::INFINITY {
+        ", bounded scales"
+    } else {
+        ""
+    };
+    let mut out = Findings::of(format!(
+        "degree {stored}, {n_views} views, {STEPS} steps{bounded}"
+    ));
     let download = |model: &Model| Ok(numbers(&model.download(gpu)?));
     let ours = download(&optimizer.model)?;
     let moments = [

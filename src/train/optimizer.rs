@@ -47,6 +47,7 @@ pub struct StepUniform {
     pub rates: [[f32; 4]; 4],
     pub betas: [f32; 4],
     pub corrections: [f32; 4],
+    pub limits: [f32; 4],
     pub counts: [u32; 4],
 }
 
@@ -72,12 +73,19 @@ impl StepUniform {
                 o.epsilon as f32,
                 0.0,
             ],
+            limits: [f32::INFINITY, 0.0, 0.0, 0.0],
             counts: [0; 4],
         };
         for (slot, &[x, y, z]) in step.centers.iter_mut().zip(centers) {
             *slot = [x, y, z, 1.0];
         }
         step
+    }
+
+    /// The same step, after which no log scale is above `max_scale_log`.
+    pub fn with_max_scale_log(mut self, max_scale_log: f32) -> StepUniform {
+        self.limits[0] = max_scale_log;
+        self
     }
 }
 

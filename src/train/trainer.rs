@@ -157,6 +157,8 @@ pub struct Trainer<'a> {
     workspace: Workspace,
     bound: Bound,
     adam: Vec<Vec<wgpu::BindGroup>>,
+    /// Upper bound of log scales.
+    max_scale_log: f32,
     /// Number of finished iterations, where the run starts or has last been kept.
     pub(super) done: u32,
     pub(super) samples: Vec<LossSample>,
@@ -209,6 +211,7 @@ impl<'a> Trainer<'a> {
             workspace,
             bound,
             adam,
+            max_scale_log: max_scale_log(start, config),
             done: 0,
             samples: Vec::new(),
             plans: Vec::new(),
@@ -319,7 +322,8 @@ impl<'a> Trainer<'a> {
             let [x, y, z, _] = uniform.center_near;
             centers.push([x, y, z]);
         }
-        let step = StepUniform::new(config, iteration, self.supervision.extent, &centers);
+        let step = StepUniform::new(config, iteration, self.supervision.extent, &centers)
+            .with_max_scale_log(self.max_scale_log);
         let kernels = &self.optimizer_kernels;
         self.optimizer
             .step(self.gpu, kernels, &self.adam, &mut commands, (step, degree));
@@ -441,4 +445,13 @@ impl<'a> Trainer<'a> {
             .optimizer
             .bind(self.gpu, &self.optimizer_kernels, &self.workspace);
     }
+}
+
+/// The largest log scale at the start, where the config bounds scales by it.
+fn max_scale_log(start: &Gaussians, config: &Config) -> f32 {
+    if !config.model.bound_scales {
+        return f32::INFINITY;
+    }
+    let largest = start.scales_log.iter().map(|scale| scale.max_element());
+    largest.fold(f32::MIN, f32::max)
 }

@@ -1,6 +1,6 @@
 //! Adam on the GPU against the reference, steps that do not count, and the statistics.
 
-use gspotential::doctor::adam::{CENTERS, config, examine, workspace};
+use gspotential::doctor::adam::{BOUND, CENTERS, config, examine, workspace};
 use gspotential::doctor::gaussians_of;
 use gspotential::gpu::Commands;
 use gspotential::reference::cases::random_scene;
@@ -16,7 +16,7 @@ const N: usize = 130;
 fn adam_matches_the_reference_at_every_degree_for_one_view_and_two() {
     for stored in 0..4 {
         for n_views in [1, 2] {
-            let found = examine(&context(), stored, n_views).expect("steps");
+            let found = examine(&context(), stored, n_views, f32::INFINITY).expect("steps");
             let share = assert_findings(&found);
             print(&format!(
                 "Adam, degree {stored}, {n_views} views: {:.1} % of the bound\n",
@@ -24,6 +24,16 @@ fn adam_matches_the_reference_at_every_degree_for_one_view_and_two() {
             ));
         }
     }
+}
+
+#[test]
+fn scales_are_bounded_as_in_the_reference() {
+    assert_findings(&examine(&context(), 1, 2, BOUND).expect("steps"));
+    // The bound matters for some and not for others.
+    let start = gaussians_of(&random_scene(N, 1, 81).gaussians, 1);
+    let is_above = |s: &&glam::Vec3| s.max_element() > BOUND;
+    let n_above = start.scales_log.iter().filter(is_above).count();
+    assert!((N / 4..N).contains(&n_above), "{n_above} of {N}");
 }
 
 #[test]

@@ -35,7 +35,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-const PLANTS: [Plant; 17] = [
+const PLANTS: [Plant; 18] = [
     plant(
         "project",
         "+ DILATION;",
@@ -122,6 +122,12 @@ const PLANTS: [Plant; 17] = [
         stage::ADAM,
     ),
     plant(
+        "adam",
+        "select(scales, largest, scales > largest)",
+        "select(scales, largest, scales.xxx > largest)",
+        stage::ADAM,
+    ),
+    plant(
         "rearrange",
         "new_planes[plane * rearrange.new_stride + id]",
         "new_planes[plane * rearrange.old_stride + id]",
@@ -162,7 +168,7 @@ fn findings(ctx: &Context) -> Result<Vec<Finding>> {
         let (size, kind) = ((33, 17), Kind::Noise);
         findings.extend(loss::examine(ctx, &LossCase { size, kind, mask })?.list);
     }
-    findings.extend(adam::examine(ctx, 1, 2)?.list);
+    findings.extend(adam::examine(ctx, 1, 2, adam::BOUND)?.list);
     let plan = changes::random_plan(150, 333, 1);
     findings.extend(changes::examine_rearrange(ctx, &plan, (150, 180), 1)?.list);
     findings.extend(changes::examine_reset(ctx, 70)?.list);
