@@ -265,6 +265,8 @@ fn values_out_of_range_are_refused_with_key_and_value() {
         "loss.ssim_weight=1.01",
         "loss.virtual_weight=-1",
         "loss.fill_weight=1.1",
+        "shell.count=99",
+        "shell.radius=1",
         "dropout.rate_end=1",
         "optimizer.mean_lr_start=0",
         "optimizer.mean_lr_end=1",

@@ -68,7 +68,9 @@ pub fn train(
         ..
     } = &task.prepared;
     let n_points = task.cloud().len();
-    eprintln!("{} Gaussians from {n_points} points", start.len());
+    let n_shell = job.config.shell.count;
+    let n_scene = start.len() - n_shell;
+    eprintln!("{n_scene} Gaussians from {n_points} points, {n_shell} in the far shell");
     write_virtual_sheet(run, &supervision.virtual_views)?;
     let virtual_cameras = virtual_cameras.clone();
     let all = [cameras(&scene.train), cameras(&scene.test), virtual_cameras].concat();

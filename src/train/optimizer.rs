@@ -39,6 +39,23 @@ impl OptimizerKernels {
     }
 }
 
+/// What steps and resets leave as it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Gaussians farther from the focus learn colour alone: those of the far shell.
+    pub frozen_beyond: f32,
+    /// Upper bound of the other Gaussians' log scales.
+    pub max_scale_log: f32,
+}
+
+impl Limits {
+    /// Nothing is left as it is.
+    pub const NONE: Limits = Limits {
+        frozen_beyond: f32::INFINITY,
+        max_scale_log: f32::INFINITY,
+    };
+}
+
 /// One Adam step; `Step` in `adam.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -73,7 +90,7 @@ impl StepUniform {
                 o.epsilon as f32,
                 0.0,
             ],
-            limits: [f32::INFINITY, 0.0, 0.0, 0.0],
+            limits: [f32::INFINITY, f32::INFINITY, 0.0, 0.0],
             counts: [0; 4],
         };
         for (slot, &[x, y, z]) in step.centers.iter_mut().zip(centers) {
@@ -82,9 +99,9 @@ impl StepUniform {
         step
     }
 
-    /// The same step, after which no log scale is above `max_scale_log`.
-    pub fn with_max_scale_log(mut self, max_scale_log: f32) -> StepUniform {
-        self.limits[0] = max_scale_log;
+    /// The same step within `limits`.
+    pub fn within(mut self, limits: Limits) -> StepUniform {
+        self.limits = [limits.frozen_beyond, limits.max_scale_log, 0.0, 0.0];
         self
     }
 }
@@ -206,10 +223,16 @@ impl Optimizer {
         }
     }
 
-    /// Caps every opacity at `opacity` (3DGS's reset).
-    pub fn reset_opacity(&self, gpu: &Gpu, kernels: &OptimizerKernels, opacity: f64) {
+    /// Caps every opacity at `opacity` (3DGS's reset), but for Gaussians beyond `frozen_beyond`.
+    pub fn reset_opacity(
+        &self,
+        gpu: &Gpu,
+        kernels: &OptimizerKernels,
+        opacity: f64,
+        frozen_beyond: f32,
+    ) {
         let logit = (opacity / (1.0 - opacity)).ln() as f32;
-        let ceiling = Buffer::uniform_from(gpu, "ceiling", &[logit, 0.0, 0.0, 0.0]);
+        let ceiling = Buffer::uniform_from(gpu, "ceiling", &[logit, frozen_beyond, 0.0, 0.0]);
         let counts = Buffer::uniform_from(gpu, "counts", &[shader_count(self.model.n), 0, 0, 0]);
         let group = kernels.reset_opacity.bind(
             gpu,

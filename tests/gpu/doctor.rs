@@ -35,7 +35,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-const PLANTS: [Plant; 18] = [
+const PLANTS: [Plant; 20] = [
     plant(
         "project",
         "+ DILATION;",
@@ -123,8 +123,14 @@ const PLANTS: [Plant; 18] = [
     ),
     plant(
         "adam",
-        "select(scales, largest, scales > largest)",
-        "select(scales, largest, scales.xxx > largest)",
+        "(scales > largest)",
+        "(scales.xxx > largest)",
+        stage::ADAM,
+    ),
+    plant(
+        "adam",
+        "vec4f(0.0), frozen)",
+        "vec4f(0.0), frozen && plane > 0u)",
         stage::ADAM,
     ),
     plant(
@@ -132,6 +138,12 @@ const PLANTS: [Plant; 18] = [
         "new_planes[plane * rearrange.new_stride + id]",
         "new_planes[plane * rearrange.old_stride + id]",
         stage::REARRANGE,
+    ),
+    plant(
+        "reset_opacity",
+        "> ceiling.y",
+        "> 1.1 * ceiling.y",
+        stage::RESET_OPACITY,
     ),
     plant(
         "reset_opacity",
@@ -168,7 +180,7 @@ fn findings(ctx: &Context) -> Result<Vec<Finding>> {
         let (size, kind) = ((33, 17), Kind::Noise);
         findings.extend(loss::examine(ctx, &LossCase { size, kind, mask })?.list);
     }
-    findings.extend(adam::examine(ctx, 1, 2, adam::BOUND)?.list);
+    findings.extend(adam::examine(ctx, 1, 2, adam::TIGHT)?.list);
     let plan = changes::random_plan(150, 333, 1);
     findings.extend(changes::examine_rearrange(ctx, &plan, (150, 180), 1)?.list);
     findings.extend(changes::examine_reset(ctx, 70)?.list);
