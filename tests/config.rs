@@ -67,6 +67,27 @@ fn baseline_preset_differs_from_the_paper_only_in_views_and_coverage_rules() {
     assert_eq!(baseline, paper());
 }
 
+#[test]
+fn own_preset_differs_from_the_paper_in_its_parts_alone() {
+    let own = Config::preset("gspotential").unwrap();
+    let differences = own.differences(&paper()).unwrap().into_iter();
+    let told: Vec<String> = differences
+        .map(|(key, a, _)| format!("{key}={a}"))
+        .collect();
+    let expected = [
+        "carve.enabled=true",
+        "coverage.densify=false",
+        "coverage.prune=false",
+        "densify.enabled=false",
+        "dropout.rate_end=0.2",
+        "loss.fill_weight=0.3",
+        "model.bound_scales=true",
+        "shell.count=500",
+        "views.visibility.enabled=true",
+    ];
+    assert_eq!(told, expected);
+}
+
 /// Table 2 of the paper: what each row has that the row under it in the list lacks.
 #[test]
 fn ablation_presets_add_one_part_each_to_another() {
