@@ -4,14 +4,17 @@
 //! what it changes and, under `"preset"`, what it changes it from.
 
 mod overlay;
+mod reference;
 mod validate;
 
 pub use overlay::PRESETS;
+pub use reference::{Key, keys, summary};
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Everything that decides a training run. Lengths are relative to the sphere radius `R`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
     /// The preset this config started from.
@@ -35,7 +38,7 @@ pub struct Config {
 }
 
 /// What is loaded.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneConfig {
     /// Images wider than this are scaled down to it.
@@ -52,9 +55,10 @@ pub struct SceneConfig {
 }
 
 /// Carving: points that the photographs contradict go before anything is made of the cloud.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CarveConfig {
+    /// Otherwise the cloud is taken as it is.
     pub enabled: bool,
     /// A point goes where its colour lies further than this, in [0, 1], outside the range of
     /// the photograph's window.
@@ -71,7 +75,7 @@ pub struct CarveConfig {
 }
 
 /// The camera potential field.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FieldConfig {
     /// How a training camera's influence decays with the angle to it.
@@ -86,7 +90,7 @@ pub struct FieldConfig {
 }
 
 /// Kernel of the information potential, 1 at its peak; `theta` is the angle to the camera.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Kernel {
     /// `sech(sigma (1 - cos theta))`, the paper's.
@@ -96,11 +100,12 @@ pub enum Kernel {
 }
 
 /// Virtual views.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ViewsConfig {
     /// `K`, number of virtual views; 0 trains without them.
     pub count: usize,
+    /// How they are chosen.
     pub strategy: Strategy,
     /// `epsilon` of the sampling weights `1 / (U_total + epsilon)` and `theta_min + epsilon`.
     pub epsilon: f64,
@@ -109,7 +114,7 @@ pub struct ViewsConfig {
 
 /// How virtual views are chosen, by the names of the paper's table of sampling strategies. All
 /// but interpolation choose among the same candidates on the sphere, without replacement.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Strategy {
     /// CPF, the paper's: drawn with weight `1 / (U_total + epsilon)`.
@@ -130,12 +135,14 @@ pub enum Strategy {
 /// The geometry-aware choice of virtual views. Each candidate's weight is multiplied by
 /// `s^power`, where `s` is the share of its covered pixels whose point some training camera sees
 /// from a direction within `max_angle_deg` of the candidate's.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct VisibilityConfig {
+    /// Otherwise weights are the strategy's own.
     pub enabled: bool,
     /// At the point, between the directions to the candidate and to the training camera.
     pub max_angle_deg: f64,
+    /// `power` of the share that multiplies a weight; 0 only drops.
     pub power: f64,
     /// Candidates with a lower share are dropped.
     pub min_share: f64,
@@ -145,7 +152,7 @@ pub struct VisibilityConfig {
 }
 
 /// Point splatting of the cloud into the virtual views.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SplatConfig {
     /// Side of a splatted point's square, pixels.
@@ -160,13 +167,14 @@ pub struct SplatConfig {
 }
 
 /// The Gaussians at the start.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ModelConfig {
     /// Highest spherical-harmonics degree, 0 to 3.
     pub sh_degree: u32,
     /// The active degree rises by one every so many iterations.
     pub sh_interval: u32,
+    /// Opacity of every Gaussian at the start.
     pub initial_opacity: f64,
     /// Gaussians start with `initial_opacity * min(1, confidence / median confidence)`.
     pub confidence_opacity: bool,
@@ -185,7 +193,7 @@ pub struct ModelConfig {
 
 /// The far shell: large Gaussians on a sphere beyond the scene, a background that lives in the
 /// file.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ShellConfig {
     /// Number of Gaussians, some hundreds: the more, the finer; 0: no shell.
@@ -195,7 +203,7 @@ pub struct ShellConfig {
 }
 
 /// The image losses.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LossConfig {
     /// `L = (1 - w) L1 + w (1 - SSIM)`.
@@ -211,7 +219,7 @@ pub struct LossConfig {
 }
 
 /// Dropout of Gaussians in training.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DropoutConfig {
     /// Probability at the end; it rises linearly from 0. In every iteration each Gaussian is left
@@ -221,63 +229,80 @@ pub struct DropoutConfig {
 }
 
 /// Adam with 3DGS's learning rates.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OptimizerConfig {
-    /// Position learning rate at the start and the end, times the camera extent.
+    /// Learning rate of positions at the start, times the camera extent.
     pub mean_lr_start: f64,
+    /// The same at the end; in between it falls exponentially.
     pub mean_lr_end: f64,
-    /// Degree 0; higher degrees take a twentieth.
+    /// Learning rate of colours of degree 0; higher degrees take a twentieth.
     pub sh_lr: f64,
+    /// Learning rate of opacity logits.
     pub opacity_lr: f64,
+    /// Learning rate of the scales' logarithms.
     pub scale_lr: f64,
+    /// Learning rate of rotations.
     pub rotation_lr: f64,
+    /// Adam's decay of the mean gradient.
     pub beta1: f64,
+    /// Adam's decay of the mean squared gradient.
     pub beta2: f64,
+    /// Adam's epsilon.
     pub epsilon: f64,
 }
 
 /// 3DGS's densification and pruning.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DensifyConfig {
+    /// Otherwise the number of Gaussians only falls.
     pub enabled: bool,
-    /// First and last iteration, and the step between.
+    /// First iteration that densifies.
     pub start: u32,
+    /// Last iteration that densifies.
     pub end: u32,
+    /// Iterations between two densifications.
     pub interval: u32,
     /// Mean norm of the position gradient on screen (normalised device coordinates) above which
     /// a Gaussian is cloned or split. Coverage-aware densification replaces it.
     pub gradient_threshold: f64,
     /// Split above this scale, clone below, in camera extents.
     pub split_scale: f64,
+    /// Prune below this opacity.
     pub min_opacity: f64,
     /// Prune above this scale, in camera extents, once opacities have been reset.
     pub max_scale: f64,
     /// Prune Gaussians that were wider than this on a training image, as a share of its longer
     /// side, once opacities have been reset.
     pub max_screen: f64,
-    /// Opacities are reset every so many iterations, and never after `opacity_reset_end`.
+    /// Opacities are reset every so many iterations.
     pub opacity_reset_interval: u32,
+    /// No reset after this iteration.
     pub opacity_reset_end: u32,
     /// No growth beyond this number of Gaussians.
     pub max_gaussians: usize,
 }
 
 /// Coverage-aware pruning and densification.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CoverageConfig {
     /// `Q_i`-guided anisotropy pruning.
     pub prune: bool,
     /// `Q_i`-guided densification threshold.
     pub densify: bool,
-    /// First iteration and step of the pruning.
+    /// First iteration of the pruning.
     pub start: u32,
+    /// Iterations between two prunings.
     pub interval: u32,
+    /// `tau_min`, greatest anisotropy where nothing is covered.
     pub tau_min: f64,
+    /// `tau_max`, greatest anisotropy where coverage is best.
     pub tau_max: f64,
+    /// `delta_min`, densification threshold where coverage is best.
     pub delta_min: f64,
+    /// `delta_max`, densification threshold where nothing is covered.
     pub delta_max: f64,
     /// `epsilon` of the anisotropy, in `R`.
     pub anisotropy_epsilon: f64,

@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
 use crate::gpu::Gpu;
 use crate::metrics::{self, FloatImage, Lpips, Pixels};
+use crate::progress::Progress;
 use crate::render::{Kernels, Model, Rendered, Renderer, ViewUniform};
 use crate::run::{LpipsRecord, MaskedScore, PointSplatScore, Renders, ViewScore, mean};
 use crate::scene::{Image, PointCloud, View};
@@ -54,11 +55,21 @@ pub fn render_views(
     frame: &Frame,
     views: &[View],
     config: &ModelConfig,
-    look: impl FnMut(&View, &Rendered) -> Result<()>,
+    mut look: impl FnMut(&View, &Rendered) -> Result<()>,
 ) -> Result<()> {
     let model = Model::upload(gpu, gaussians, gaussians.len())?;
     let mut renderer = Renderer::new(gpu, kernels);
-    render_model(&mut renderer, &model, frame, views, config, look)
+    let mut progress = Progress::stage("evaluation", views.len() as u32);
+    let mut done = 0;
+    let measured = |view: &View, rendered: &Rendered| {
+        look(view, rendered)?;
+        done += 1;
+        progress.advance(done);
+        Ok(())
+    };
+    render_model(&mut renderer, &model, frame, views, config, measured)?;
+    progress.finish();
+    Ok(())
 }
 
 /// [`render_views`] of a model that is on the GPU already.

@@ -1,13 +1,14 @@
 //! Sparse-view 3D Gaussian Splatting guided by a camera potential field.
 //!
 //! Data flows one way: [`scene`] -> [`field`] -> [`views`] -> [`splat`] -> [`render`] ->
-//! [`train`] -> [`eval`] -> [`report`]; [`gpu`], [`config`], [`camera`], [`gaussians`],
-//! [`progress`], [`digest`], [`run`], `ply` and [`error`] lie beneath. Where the config asks for it,
-//! [`carve`] clears the cloud by the photographs and [`visibility`] weighs where views may stand,
-//! both by splats. [`metrics`] measures images for [`eval`], [`pipeline`] calls the stages in a
-//! row, [`study`] trains what a table or figure of the paper needs, and [`cli`] is the commands on
-//! top. [`mod@reference`] stands apart: the same computed in f64 by other means, which [`doctor`] holds the
-//! GPU to.
+//! [`train`] -> [`eval`] -> [`report`]; [`gpu`], [`config`], [`camera`], [`compass`],
+//! [`gaussians`], [`logging`], [`progress`], [`digest`], [`run`], `ply` and [`error`] lie beneath.
+//! Where the config asks for it, [`carve`] clears the cloud by the photographs and [`visibility`]
+//! weighs where views may stand, both by splats. [`gaps`] looks for what the photographs leave
+//! uncovered, [`metrics`] measures images for [`eval`], [`pipeline`] calls the stages in a row,
+//! [`study`] trains what a table or figure of the paper needs, and [`cli`] is the commands on top.
+//! [`mod@reference`] stands apart: the same computed in f64 by other means, which [`doctor`] holds
+//! the GPU to.
 //!
 //! Frames and units: the scene's own frame is that of its camera poses (world-to-camera, +z
 //! forward, y down). Everything on the GPU lives in the canonical frame ([`camera::Frame`]):
@@ -22,14 +23,17 @@ pub mod camera;
 pub mod cameras_json;
 pub mod carve;
 pub mod cli;
+pub mod compass;
 pub mod config;
 pub mod digest;
 pub mod doctor;
 pub mod error;
 pub mod eval;
 pub mod field;
+pub mod gaps;
 pub mod gaussians;
 pub mod gpu;
+pub mod logging;
 pub mod metrics;
 pub mod pipeline;
 mod ply;

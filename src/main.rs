@@ -4,18 +4,14 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use gspotential::cli::Cli;
-use gspotential::error::ErrorKind;
+use gspotential::logging;
 
 fn main() -> ExitCode {
     quiet_device_selection();
     match Cli::parse().run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            let label = match error.kind() {
-                ErrorKind::Interrupted => "stopped",
-                _ => "error",
-            };
-            eprintln!("{label}: {error}");
+            logging::end(&error);
             ExitCode::from(error.exit_code())
         }
     }

@@ -1,19 +1,26 @@
-//! Training progress on stderr: a bar on a terminal, else a line every few seconds.
+//! Progress on stderr: a bar on a terminal, else a line every few seconds.
 
 use std::io::Write;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use log::LevelFilter;
+use serde_json::json;
+
+use crate::logging::{self, Style};
 
 /// Time between two lines where stderr is no terminal.
 const LINE_INTERVAL: Duration = Duration::from_secs(5);
 
-/// Shows iterations per second, loss, number of Gaussians and time left.
+/// Shows how far a stage is, how fast it goes and the time left.
 pub struct Progress {
     sink: Sink,
+    stage: &'static str,
     pace: Pace,
 }
 
+/// How fast a stage goes.
+#[derive(Clone, Copy)]
 struct Pace {
     total: u32,
     /// Iterations that were finished before `start`.
@@ -24,37 +31,62 @@ struct Pace {
 enum Sink {
     Bar(ProgressBar),
     Lines {
+        style: Style,
         out: Box<dyn Write + Send>,
         interval: Duration,
         last: Instant,
         /// The last update, for the final line.
-        latest: Option<(u32, f64, usize)>,
+        latest: Option<State>,
     },
+    Nothing,
+}
+
+/// How far a stage is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct State {
+    done: u32,
+    /// Loss and number of Gaussians.
+    training: Option<(f64, usize)>,
 }
 
 impl Progress {
-    /// Progress on stderr over `total` iterations.
+    /// Progress of training over `total` iterations.
     pub fn new(total: u32) -> Progress {
+        Self::stage("training", total)
+    }
+
+    /// Progress of `stage` over `total` steps, as [`logging::start`] has set it.
+    pub fn stage(stage: &'static str, total: u32) -> Progress {
+        let shown = |sink| Progress {
+            sink,
+            stage,
+            pace: Pace::new(total),
+        };
+        if log::max_level() < LevelFilter::Info {
+            return shown(Sink::Nothing);
+        }
+        let style = logging::style();
         let bar = ProgressBar::with_draw_target(
             Some(u64::from(total)),
             ProgressDrawTarget::stderr_with_hz(5),
         );
-        if bar.is_hidden() {
-            return Self::lines(total, Box::new(std::io::stderr()), LINE_INTERVAL);
+        if bar.is_hidden() || style == Style::Json {
+            return shown(Sink::lines(
+                style,
+                Box::new(std::io::stderr()),
+                LINE_INTERVAL,
+            ));
         }
         // The template is a constant; were it wrong, the default style would show.
-        if let Ok(style) =
-            ProgressStyle::with_template("{bar:30} {pos}/{len}  {per_sec}  {msg}  {eta} left")
-        {
+        let template = "{prefix} {bar:30} {pos}/{len}  {per_sec}  {msg}  {eta} left";
+        if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }
-        Progress {
-            sink: Sink::Bar(bar),
-            pace: Pace::new(total),
-        }
+        bar.set_prefix(stage);
+        shown(Sink::Bar(bar))
     }
 
-    /// Goes on after `done` iterations, whose speed is not known.
+    /// Goes on after `done` steps, whose speed is not known.
     pub fn from(mut self, done: u32) -> Progress {
         self.pace.before = done;
         if let Sink::Bar(bar) = &self.sink {
@@ -64,41 +96,59 @@ impl Progress {
         self
     }
 
-    /// Plain lines into `out`, at most one an `interval`.
-    pub fn lines(total: u32, out: Box<dyn Write + Send>, interval: Duration) -> Progress {
-        let pace = Pace::new(total);
+    /// Training's lines in a style into `out`, at most one an `interval`.
+    pub fn lines(
+        style: Style,
+        total: u32,
+        out: Box<dyn Write + Send>,
+        interval: Duration,
+    ) -> Progress {
         Progress {
-            sink: Sink::Lines {
-                out,
-                interval,
-                last: pace.start,
-                latest: None,
-            },
-            pace,
+            sink: Sink::lines(style, out, interval),
+            stage: "training",
+            pace: Pace::new(total),
         }
     }
 
-    /// After `iteration` iterations.
+    /// After `iteration` iterations of training.
     pub fn update(&mut self, iteration: u32, loss: f64, n_gaussians: usize) {
+        self.show(State {
+            done: iteration,
+            training: Some((loss, n_gaussians)),
+        });
+    }
+
+    /// After `done` steps of another stage.
+    pub fn advance(&mut self, done: u32) {
+        self.show(State {
+            done,
+            training: None,
+        });
+    }
+
+    fn show(&mut self, state: State) {
+        let (stage, pace) = (self.stage, self.pace);
         match &mut self.sink {
             Sink::Bar(bar) => {
-                bar.set_message(format!("loss {loss:.4}  {n_gaussians} Gaussians"));
-                bar.set_position(u64::from(iteration));
+                bar.set_message(state.detail());
+                bar.set_position(u64::from(state.done));
             }
             Sink::Lines {
+                style,
                 out,
                 interval,
                 last,
                 latest,
             } => {
-                *latest = Some((iteration, loss, n_gaussians));
+                *latest = Some(state);
                 if last.elapsed() >= *interval {
                     *last = Instant::now();
                     // Training goes on when nobody can read how it does.
-                    let _ = writeln!(out, "{}", self.pace.line(iteration, loss, n_gaussians));
+                    let _ = writeln!(out, "{}", state.line(*style, stage, pace));
                     *latest = None;
                 }
             }
+            Sink::Nothing => {}
         }
     }
 
@@ -107,12 +157,28 @@ impl Progress {
         match self.sink {
             Sink::Bar(bar) => bar.abandon(),
             Sink::Lines {
-                mut out, latest, ..
+                style,
+                mut out,
+                latest,
+                ..
             } => {
-                if let Some((iteration, loss, n_gaussians)) = latest {
-                    let _ = writeln!(out, "{}", self.pace.line(iteration, loss, n_gaussians));
+                if let Some(state) = latest {
+                    let _ = writeln!(out, "{}", state.line(style, self.stage, self.pace));
                 }
             }
+            Sink::Nothing => {}
+        }
+    }
+}
+
+impl Sink {
+    fn lines(style: Style, out: Box<dyn Write + Send>, interval: Duration) -> Sink {
+        Sink::Lines {
+            style,
+            out,
+            interval,
+            last: Instant::now(),
+            latest: None,
         }
     }
 }
@@ -126,22 +192,55 @@ impl Pace {
         }
     }
 
-    /// `1500/10000  12.3 it/s  loss 0.0812  51234 Gaussians  11m31s left`
-    fn line(&self, iteration: u32, loss: f64, n_gaussians: usize) -> String {
+    /// Steps a second, and seconds left; infinite or NaN before the first step.
+    fn at(&self, done: u32) -> (f64, f64) {
         let seconds = self.start.elapsed().as_secs_f64().max(1e-9);
-        let per_second = f64::from(iteration.saturating_sub(self.before)) / seconds;
-        let left = f64::from(self.total.saturating_sub(iteration)) / per_second;
-        format!(
-            "{iteration}/{}  {per_second:.1} it/s  loss {loss:.4}  {n_gaussians} Gaussians  \
-             {} left",
-            self.total,
-            short_time(left)
-        )
+        let per_second = f64::from(done.saturating_sub(self.before)) / seconds;
+        let left = f64::from(self.total.saturating_sub(done)) / per_second;
+        (per_second, left)
+    }
+}
+
+impl State {
+    fn detail(&self) -> String {
+        self.training.map_or_else(String::new, |(loss, n)| {
+            format!("loss {loss:.4}  {n} Gaussians")
+        })
+    }
+
+    /// `1500/10000  12.3 it/s  loss 0.0812  51234 Gaussians  11m31s left`, or the same as JSON.
+    fn line(&self, style: Style, stage: &str, pace: Pace) -> String {
+        let (done, total) = (self.done, pace.total);
+        let (per_second, left) = pace.at(done);
+        if style == Style::Json {
+            let mut line = json!({
+                "level": "progress",
+                "stage": stage,
+                "done": done,
+                "total": total,
+                "per_second": per_second,
+                // Null before the first step.
+                "seconds_left": left,
+            });
+            if let Some((loss, n)) = self.training {
+                line["loss"] = json!(loss);
+                line["gaussians"] = json!(n);
+            }
+            return line.to_string();
+        }
+        let left = short_time(left);
+        match self.training {
+            Some(_) => {
+                let detail = self.detail();
+                format!("{done}/{total}  {per_second:.1} it/s  {detail}  {left} left")
+            }
+            None => format!("{stage}: {done}/{total}  {left} left"),
+        }
     }
 }
 
 /// Seconds as `2h05m`, `11m31s` or `42s`; `?` where unknown.
-fn short_time(seconds: f64) -> String {
+pub fn short_time(seconds: f64) -> String {
     if !seconds.is_finite() {
         return "?".to_owned();
     }

@@ -1,15 +1,19 @@
-//! What a run shows: image files, contact sheets, tables and plots.
+//! What a run shows: image files, contact sheets, tables, plots and its page.
 
+mod animation;
 mod comparison;
 mod evaluation;
 mod export;
+mod page;
 pub mod plot;
 mod sheet;
 mod table;
 
+pub use animation::write_animation;
 pub use comparison::{Block, ComparedRun, Comparison, Row, check_protocols};
-pub use evaluation::evaluation_table;
+pub use evaluation::{evaluation_table, view_table};
 pub use export::{runs_csv, runs_json};
+pub use page::{SceneRuns, write_comparison, write_run_page};
 pub use sheet::{ContactSheet, mask_image};
 pub use table::Table;
 
@@ -18,9 +22,9 @@ use std::path::Path;
 
 use image::codecs::openexr::OpenExrEncoder;
 use image::codecs::png::PngEncoder;
-use image::{ExtendedColorType, ImageEncoder};
+use image::{ExtendedColorType, ImageEncoder, ImageFormat};
 
-use crate::error::{Error, Result, write_file};
+use crate::error::{Error, Result, read_file, write_file};
 use crate::scene::Image;
 
 /// Writes an 8-bit RGB PNG.
@@ -36,6 +40,36 @@ pub fn write_png(path: &Path, image: &Image) -> Result<()> {
         )
         .map_err(|e| Error::new(format!("cannot encode as PNG: {e}")).at_path(path))?;
     write_file(path, &bytes)
+}
+
+/// Writes shares in [0, 1] as a 16-bit grey PNG. `values`: `height * width`.
+pub fn write_grey_png(path: &Path, width: u32, height: u32, values: &[f32]) -> Result<()> {
+    check_len(path, width, height, 3 * values.len())?;
+    let levels = values
+        .iter()
+        .map(|v| (65535.0 * v.clamp(0.0, 1.0)).round() as u16);
+    let mut bytes = Vec::new();
+    PngEncoder::new(&mut bytes)
+        .write_image(
+            bytemuck::cast_slice(&levels.collect::<Vec<u16>>()),
+            width,
+            height,
+            ExtendedColorType::L16,
+        )
+        .map_err(|e| Error::new(format!("cannot encode as PNG: {e}")).at_path(path))?;
+    write_file(path, &bytes)
+}
+
+/// Reads a PNG as 8-bit RGB.
+pub fn read_png(path: &Path) -> Result<Image> {
+    let picture = image::load_from_memory_with_format(&read_file(path)?, ImageFormat::Png)
+        .map_err(|e| Error::new(format!("cannot be read as PNG: {e}")).at_path(path))?
+        .into_rgb8();
+    Ok(Image {
+        width: picture.width(),
+        height: picture.height(),
+        rgb: picture.into_raw(),
+    })
 }
 
 /// Writes 32-bit float RGB as OpenEXR, unclamped. `rgb`: `height * width * 3` values.

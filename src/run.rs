@@ -7,6 +7,7 @@
 //! point_cloud.ply  the Gaussians
 //! cameras.json     every camera
 //! virtual/         contact_sheet.png: virtual views beside their masks
+//! report.html      all of it to look at, in one file
 //! test/            one PNG a test view; contact_sheet.png: renders beside photographs
 //! checkpoints/     until the run is finished: its job, and states to resume from
 //! .lock            locked by the process that writes the run
@@ -49,6 +50,7 @@ const FILES: &[&str] = &[
     "eval.json",
     "point_cloud.ply",
     "cameras.json",
+    "report.html",
 ];
 /// In both folders; [`file_names`] gives it to no view.
 const SHEET: &str = "contact_sheet.png";
@@ -196,6 +198,11 @@ impl RunDir {
     /// Folder for the renders of the test views, which [`file_names`] names.
     pub fn test_views(&self) -> PathBuf {
         self.root.join("test")
+    }
+
+    /// The run as a page.
+    pub fn report(&self) -> PathBuf {
+        self.root.join("report.html")
     }
 
     /// The file of the resolved config that the run was trained with.

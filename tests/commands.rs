@@ -58,6 +58,7 @@ fn a_run_holds_what_the_readme_says_and_can_be_evaluated_and_rendered() {
             "eval.json",
             "metrics.json",
             "point_cloud.ply",
+            "report.html",
             "test",
             "virtual"
         ]

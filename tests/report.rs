@@ -4,6 +4,7 @@ use std::io::Write;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use gspotential::logging::{Style, line};
 use gspotential::progress::Progress;
 use gspotential::report::{
     ContactSheet, Table, evaluation_table, mask_image, write_exr, write_png,
@@ -211,19 +212,46 @@ impl Write for Shared {
 
 #[test]
 fn progress_without_a_terminal_writes_lines_at_most_one_an_interval() {
-    let run = |interval| {
+    let run = |style, interval| {
         let out = Shared::default();
-        let mut progress = Progress::lines(10, Box::new(out.clone()), interval);
+        let mut progress = Progress::lines(style, 10, Box::new(out.clone()), interval);
         (1..=10).for_each(|i| progress.update(i, 0.5 / f64::from(i), 100 + i as usize));
         progress.finish();
         let bytes = out.0.lock().unwrap().clone();
         String::from_utf8(bytes).unwrap()
     };
-    assert_eq!(run(Duration::ZERO).lines().count(), 10);
+    assert_eq!(run(Style::Text, Duration::ZERO).lines().count(), 10);
     // Too quick for a line in between: the last state still shows.
-    let text = run(Duration::from_secs(3600));
+    let text = run(Style::Text, Duration::from_secs(3600));
     assert_eq!(text.lines().count(), 1);
     for part in ["10/10", "it/s", "loss 0.0500", "110 Gaussians", "0s left"] {
         assert!(text.contains(part), "no `{part}` in {text}");
     }
+    let last = run(Style::Json, Duration::from_secs(3600));
+    let last: serde_json::Value = serde_json::from_str(&last).unwrap();
+    assert_eq!(
+        (&last["level"], &last["stage"]),
+        (&"progress".into(), &"training".into())
+    );
+    assert_eq!((&last["done"], &last["total"]), (&10.into(), &10.into()));
+    assert_eq!(
+        (&last["loss"], &last["gaussians"]),
+        (&0.05.into(), &110.into())
+    );
+    assert_eq!(last["seconds_left"], 0.0);
+}
+
+#[test]
+fn messages_are_lines_or_objects() {
+    let name = "a \"b\"\nc";
+    assert_eq!(line(Style::Text, "info", name), name);
+    assert_eq!(line(Style::Text, "warning", "x"), "warning: x");
+    assert_eq!(line(Style::Text, "error", "x"), "error: x");
+    let object = line(Style::Json, "warning", name);
+    assert_eq!(object.lines().count(), 1);
+    let object: serde_json::Value = serde_json::from_str(&object).unwrap();
+    assert_eq!(
+        object,
+        serde_json::json!({ "level": "warning", "message": name })
+    );
 }

@@ -37,7 +37,7 @@ impl DoctorArgs {
             super::check_output(path, self.overwrite)?;
         }
         let gpu = Gpu::open()?;
-        eprintln!("adapter: {}", gpu.describe());
+        log::info!("adapter: {}", gpu.describe());
         let report = examine(gpu)?;
         super::print(&report.to_string())?;
         if let Some(path) = &self.json {

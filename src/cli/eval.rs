@@ -17,6 +17,7 @@ const EXAMPLES: &str = "\
 Examples:
   gspotential eval runs/garden
   gspotential eval runs/* --lpips-weights lpips_vgg.safetensors --csv runs.csv > table.md
+  gspotential eval runs/garden-* --html garden.html
 
 A run is rendered and measured unless its eval.json is that of its model, config and scene as they
 are, of this version, and has what is asked for. PSNR and SSIM are 3DGS's. n/a: not measured.
@@ -28,7 +29,8 @@ LPIPS needs the weights of its net, a file that is made once, with PyTorch:
 /// Measure runs at their test views and print a Markdown table
 ///
 /// Of one run, the table has every test view; of several, it compares their means by scene and
-/// method. Each run's figures go to its eval.json, too, and the renders to its test/.
+/// method. Each run's figures go to its eval.json, too, the renders to its test/, and all of it to
+/// its report.html.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub struct EvalArgs {
@@ -51,7 +53,11 @@ pub struct EvalArgs {
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
 
-    /// Replace the files of --json and --csv
+    /// Write one page that compares the runs, with their renders, too
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+
+    /// Replace the files of --json, --csv and --html
     #[arg(long)]
     overwrite: bool,
 }
@@ -67,7 +73,7 @@ impl EvalArgs {
             let evaluation = match self.at_hand(run, &options)? {
                 Some(evaluation) => evaluation,
                 None => {
-                    eprintln!("measuring {}", run.root().display());
+                    log::info!("measuring {}", run.root().display());
                     pipeline::evaluate(run, &options)?
                 }
             };
@@ -84,6 +90,10 @@ impl EvalArgs {
         if let Some(path) = &self.csv {
             write_file(path, &runs_csv(&compared)?)?;
         }
+        if let Some(path) = &self.html {
+            pipeline::compare(&runs, path)?;
+            log::info!("wrote {}", path.display());
+        }
         Ok(())
     }
 
@@ -92,7 +102,8 @@ impl EvalArgs {
         run: &RunDir,
         options: &EvalOptions,
     ) -> Result<Option<crate::run::Evaluation>> {
-        if self.again {
+        // Its page is made with the renders.
+        if self.again || !run.report().is_file() {
             return Ok(None);
         }
         pipeline::evaluation_at_hand(run, options)
@@ -117,13 +128,21 @@ impl EvalArgs {
     }
 
     fn check_outputs(&self) -> Result<()> {
-        if self.json.is_some() && self.json == self.csv {
-            return Err(Error::usage("--json and --csv name the same file"));
+        let outputs = [
+            ("--json", &self.json),
+            ("--csv", &self.csv),
+            ("--html", &self.html),
+        ];
+        for (i, (option, path)) in outputs.iter().enumerate() {
+            let Some(path) = path else { continue };
+            let mut before = outputs[..i].iter();
+            if let Some((other, _)) = before.find(|(_, p)| p.as_deref() == Some(path.as_path())) {
+                return Err(Error::usage(format!(
+                    "{other} and {option} name the same file"
+                )));
+            }
+            super::check_output(path, self.overwrite)?;
         }
-        let outputs = [&self.json, &self.csv];
-        outputs
-            .into_iter()
-            .flatten()
-            .try_for_each(|path| super::check_output(path, self.overwrite))
+        Ok(())
     }
 }

@@ -1,8 +1,14 @@
 //! The commands. Logs go to stderr, tables to stdout.
 
+mod completions;
 mod doctor;
+mod dry_run;
 mod eval;
+mod export;
+mod field;
+mod machine;
 mod measure;
+mod presets;
 mod render;
 mod study;
 mod train;
@@ -18,6 +24,7 @@ const EXAMPLES: &str = "\
 Examples:
   gspotential train                                    the built-in scene
   gspotential train --scene scenes/garden --out runs/garden
+  gspotential field --scene scenes/garden              where photographs are missing
   gspotential eval runs/garden
   gspotential render --model runs/garden/point_cloud.ply --cameras runs/garden/cameras.json --out views
   gspotential doctor                                   is this machine's adapter right?
@@ -31,26 +38,40 @@ Exit codes: 0 done, 1 failed, 2 wrong usage, 130 stopped by Ctrl-C or SIGTERM.";
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
+
+    #[command(flatten)]
+    machine: machine::Machine,
 }
 
 #[derive(Debug, Subcommand)]
 enum Command {
     Train(train::TrainArgs),
     Eval(eval::EvalArgs),
+    Field(field::FieldArgs),
     Render(render::RenderArgs),
     Study(study::StudyArgs),
     Doctor(doctor::DoctorArgs),
+    Export(export::ExportArgs),
+    Presets(presets::PresetsArgs),
+    ListAdapters(machine::AdaptersArgs),
+    Completions(completions::CompletionsArgs),
 }
 
 impl Cli {
     /// Runs the command that was given.
     pub fn run(self) -> Result<()> {
+        self.machine.prepare()?;
         match self.command {
             Command::Train(args) => args.run(),
             Command::Eval(args) => args.run(),
+            Command::Field(args) => args.run(),
             Command::Render(args) => args.run(),
             Command::Study(args) => args.run(),
             Command::Doctor(args) => args.run(),
+            Command::Export(args) => args.run(),
+            Command::Presets(args) => args.run(),
+            Command::ListAdapters(args) => args.run(),
+            Command::Completions(args) => args.run(),
         }
     }
 }

@@ -12,7 +12,8 @@ const EXAMPLES: &str = "\
 Examples:
   gspotential render --model runs/garden/point_cloud.ply --scene scenes/garden --out views
   gspotential render --model runs/garden/point_cloud.ply --cameras runs/garden/cameras.json \\
-      --views virtual --format exr --out views";
+      --views virtual --format exr --out views
+  gspotential render --model runs/garden/point_cloud.ply --scene scenes/garden --orbit 120 --out turn";
 
 /// Render a trained scene to image files
 #[derive(Debug, Args)]
@@ -35,6 +36,11 @@ pub struct RenderArgs {
     #[arg(long, value_name = "WHICH")]
     views: Option<String>,
 
+    /// Render N views around the scene instead, and orbit.png, which is animated
+    #[arg(long, value_name = "N", conflicts_with = "views",
+          value_parser = clap::value_parser!(u32).range(2..=10_000))]
+    orbit: Option<u32>,
+
     /// Folder for the images; files of the same names are replaced
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -42,6 +48,14 @@ pub struct RenderArgs {
     /// File format of the images
     #[arg(long, value_enum, default_value_t = RenderFormat::Png)]
     format: RenderFormat,
+
+    /// Write NAME_depth.exr, too: expected depth in the scene's unit, 0 where nothing is
+    #[arg(long)]
+    depth: bool,
+
+    /// Write NAME_alpha.png, too: opacity, 16 bit
+    #[arg(long)]
+    alpha: bool,
 }
 
 impl RenderArgs {
@@ -53,12 +67,17 @@ impl RenderArgs {
         let job = RenderJob {
             model: self.model,
             cameras,
-            views: self.views.map(|which| selection(&which)),
+            views: match self.orbit {
+                Some(n) => Some(ViewSelection::Orbit(n)),
+                None => self.views.map(|which| selection(&which)),
+            },
             out: self.out,
             format: self.format,
+            depth: self.depth,
+            alpha: self.alpha,
         };
         let n_images = pipeline::render(&job)?;
-        eprintln!("wrote {n_images} images to {}", job.out.display());
+        log::info!("wrote {n_images} images to {}", job.out.display());
         Ok(())
     }
 }

@@ -88,7 +88,7 @@ impl StudyArgs {
         let report = study::run(self.name, &options)?;
         super::print(&report)?;
         let path = options.out.join(format!("{}.md", self.name.name()));
-        eprintln!("wrote {}", path.display());
+        log::info!("wrote {}", path.display());
         Ok(())
     }
 }

@@ -5,10 +5,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::dry_run;
 use super::measure::MeasureArgs;
 use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
-use crate::pipeline::{Resumed, TrainJob};
+use crate::pipeline::{self, Resumed, TrainJob};
 use crate::report::evaluation_table;
 use crate::run::{Evaluation, RunDir};
 use crate::scene::{CloudSource, SceneSource};
@@ -98,9 +99,13 @@ pub struct TrainArgs {
     /// may be said again
     #[arg(long, value_name = "RUN", conflicts_with_all = [
         "scene", "out", "preset", "config", "settings", "iterations", "max_size", "max_points",
-        "seed", "train_views", "test_views", "cloud", "eval_every", "overwrite",
+        "seed", "train_views", "test_views", "cloud", "eval_every", "overwrite", "dry_run",
     ])]
     resume: Option<PathBuf>,
+
+    /// Load the scene, take the first iterations, print what the run would take, and write nothing
+    #[arg(long)]
+    dry_run: bool,
 
     #[command(flatten)]
     measure: MeasureArgs,
@@ -119,10 +124,8 @@ impl TrainArgs {
                     run,
                     evaluation: None,
                 } => {
-                    eprintln!(
-                        "{} is finished; nothing is left to do",
-                        run.root().display()
-                    );
+                    let root = run.root().display();
+                    log::info!("{root} is finished; nothing is left to do");
                     Ok(())
                 }
             };
@@ -145,6 +148,10 @@ impl TrainArgs {
         let out = self
             .out
             .unwrap_or_else(|| RunDir::default_path(&job.source.name(), &job.config));
+        if self.dry_run {
+            RunDir::check(&out, self.overwrite)?;
+            return super::print(&dry_run::text(&pipeline::dry_run(&job)?));
+        }
         let (run, evaluation) = job.run(&out, self.overwrite, &self.measure.options()?)?;
         report(&run, &evaluation)
     }
@@ -171,7 +178,7 @@ impl TrainArgs {
 
 fn report(run: &RunDir, evaluation: &Evaluation) -> Result<()> {
     super::print(&evaluation_table(&run.name(), evaluation))?;
-    eprintln!("wrote {}", run.root().display());
+    log::info!("wrote {}", run.root().display());
     Ok(())
 }
 

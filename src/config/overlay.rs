@@ -164,7 +164,7 @@ impl Config {
         })
     }
 
-    fn tree(&self) -> Result<Value> {
+    pub(super) fn tree(&self) -> Result<Value> {
         serde_json::to_value(self).map_err(|e| Error::new(format!("config: {e}")))
     }
 

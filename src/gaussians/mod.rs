@@ -1,6 +1,8 @@
-//! Gaussians on the host: the model, its start from a point cloud, and its file ([`ply`]).
+//! Gaussians on the host: the model, its start from a point cloud, and its files ([`ply`],
+//! [`splat`]).
 
 pub mod ply;
+pub mod splat;
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -17,6 +19,9 @@ pub const SH_0: f64 = 0.28209479177387814;
 
 /// Highest spherical-harmonics degree.
 pub const MAX_SH_DEGREE: u32 = 3;
+
+/// Opacities below this are never drawn.
+const MIN_OPACITY: f32 = 1.0 / 255.0;
 
 /// Lower bound of the mean squared neighbour distance, in `R^2` (3DGS: 1e-7 in world units).
 const MIN_SQUARED_DISTANCE: f64 = 1e-7;
@@ -62,6 +67,45 @@ impl Gaussians {
                 && !self.opacity_logits[*i].is_nan()
         };
         (0..self.len()).filter(|i| !is_finite(i)).count()
+    }
+
+    /// Opacity in [0, 1].
+    pub fn opacity(&self, i: usize) -> f32 {
+        1.0 / (1.0 + (-self.opacity_logits[i]).exp())
+    }
+
+    /// Colour of degree 0, RGB, unclamped.
+    pub fn base_color(&self, i: usize) -> Vec3 {
+        let at = i * self.n_sh() * 3;
+        Vec3::splat(0.5) + SH_0 as f32 * Vec3::from_slice(&self.sh[at..at + 3])
+    }
+
+    /// The unit rotation, w first and not negative; None for none.
+    pub fn rotation(&self, i: usize) -> Option<[f32; 4]> {
+        let wxyz = self.rotations_wxyz[i];
+        let length = wxyz.iter().map(|q| q * q).sum::<f32>().sqrt();
+        let unit = if wxyz[0] < 0.0 { -1.0 } else { 1.0 } / length;
+        (length.is_finite() && length > 1e-12).then(|| wxyz.map(|q| q * unit))
+    }
+
+    /// The `limit` Gaussians of most weight among those that are ever drawn, heaviest first and
+    /// equal ones in order. Weight is opacity times the area of the largest section: about what a
+    /// Gaussian covers in an image.
+    pub fn heaviest(&self, limit: usize) -> Vec<usize> {
+        let is_drawn = |i: &usize| {
+            self.means[*i].is_finite()
+                && self.scales_log[*i].is_finite()
+                && self.rotation(*i).is_some()
+                && self.opacity(*i) >= MIN_OPACITY
+        };
+        let weight = |i: usize| {
+            let s = self.scales_log[i];
+            self.opacity(i).ln() + s.element_sum() - s.min_element()
+        };
+        let mut chosen: Vec<usize> = (0..self.len()).filter(is_drawn).collect();
+        chosen.sort_by(|a, b| weight(*b).total_cmp(&weight(*a)));
+        chosen.truncate(limit);
+        chosen
     }
 
     /// Coefficients a channel, `(sh_degree + 1)^2`.

@@ -1,7 +1,7 @@
 //! Adapter, device and queue, and what the driver reports of them.
 
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use crate::error::{Error, ErrorKind, Result};
 
@@ -34,23 +34,13 @@ fn locked(faults: &Mutex<Faults>) -> MutexGuard<'_, Faults> {
 }
 
 impl Gpu {
-    /// Opens the best adapter: discrete before integrated before virtual before software.
+    /// Opens the first of [`adapters`], or of those that [`prefer_adapter`] has named.
     ///
     /// # Errors
-    /// No adapter at all (names the package that brings the software driver), or the driver
-    /// refuses the device.
+    /// No adapter at all (names the package that brings the software driver), none of the
+    /// preferred name, or the driver refuses the device.
     pub fn open() -> Result<Gpu> {
-        let mut description = wgpu::InstanceDescriptor::new_without_display_handle();
-        description.backends = wgpu::Backends::PRIMARY;
-        let instance = wgpu::Instance::new(description);
-        let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
-        adapters.sort_by_key(|adapter| rank(adapter.get_info().device_type));
-        let adapter = adapters.into_iter().next().ok_or_else(|| {
-            Error::new("no GPU adapter found").way_out(
-                "install a Vulkan driver; the software one comes with \
-                 `apt-get install mesa-vulkan-drivers libvulkan1`",
-            )
-        })?;
+        let adapter = choose(adapters()?, PREFERRED.get().map(String::as_str))?;
         let info = adapter.get_info();
         let limits = adapter.limits();
         let features = adapter.features();
@@ -204,6 +194,50 @@ fn one_line(text: &str) -> String {
 /// `12.3 MiB`
 pub(super) fn mebibytes(bytes: u64) -> String {
     format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
+}
+
+/// A part of the name of the adapter that every [`Gpu::open`] takes.
+static PREFERRED: OnceLock<String> = OnceLock::new();
+
+/// Makes [`Gpu::open`] take the first adapter whose name has `name` in it, whatever the case, from
+/// now on. A second call changes nothing.
+pub fn prefer_adapter(name: &str) {
+    PREFERRED.get_or_init(|| name.to_owned());
+}
+
+/// All adapters: discrete before integrated before virtual before software.
+///
+/// # Errors
+/// There is none.
+pub fn adapters() -> Result<Vec<wgpu::Adapter>> {
+    let mut description = wgpu::InstanceDescriptor::new_without_display_handle();
+    description.backends = wgpu::Backends::PRIMARY;
+    let instance = wgpu::Instance::new(description);
+    let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+    adapters.sort_by_key(|adapter| rank(adapter.get_info().device_type));
+    if adapters.is_empty() {
+        return Err(Error::new("no GPU adapter found").way_out(
+            "install a Vulkan driver; the software one comes with \
+             `apt-get install mesa-vulkan-drivers libvulkan1`",
+        ));
+    }
+    Ok(adapters)
+}
+
+/// The first adapter, or the first with `wanted` in its name.
+fn choose(adapters: Vec<wgpu::Adapter>, wanted: Option<&str>) -> Result<wgpu::Adapter> {
+    let names: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
+    let has = |name: &String, part: &str| name.to_lowercase().contains(&part.to_lowercase());
+    let at = wanted.map_or(Some(0), |part| {
+        names.iter().position(|name| has(name, part))
+    });
+    at.and_then(|i| adapters.into_iter().nth(i)).ok_or_else(|| {
+        Error::usage(format!(
+            "no adapter is named `{}`",
+            wanted.unwrap_or_default()
+        ))
+        .way_out(format!("there are {}", names.join(", ")))
+    })
 }
 
 fn rank(kind: wgpu::DeviceType) -> u32 {

@@ -8,6 +8,6 @@ pub mod profile;
 pub mod shader;
 
 pub use buffer::Buffer;
-pub use device::{Gpu, binding_limit, shader_count};
+pub use device::{Gpu, adapters, binding_limit, prefer_adapter, shader_count};
 pub use kernel::{Commands, Kernel};
 pub use profile::Profile;

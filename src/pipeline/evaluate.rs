@@ -1,5 +1,7 @@
 //! Evaluation of a run at its scene's test views.
 
+use std::path::Path;
+
 use super::job::cloud_of;
 use super::prepare::carved;
 use super::{TrainJob, focus_of};
@@ -12,7 +14,7 @@ use crate::gaussians::ply::read_ply;
 use crate::gpu::Gpu;
 use crate::metrics::quantize;
 use crate::render::Kernels;
-use crate::report::{ContactSheet, write_png};
+use crate::report::{ContactSheet, SceneRuns, write_comparison, write_png, write_run_page};
 use crate::run::{Evaluation, Measured, PoseProtocol, RunDir, SceneRecord, file_names};
 use crate::scene::{PointCloud, SceneSource, View};
 
@@ -46,7 +48,7 @@ pub fn evaluation_at_hand(run: &RunDir, options: &EvalOptions) -> Result<Option<
 }
 
 /// Renders the test views of a run from its model and measures them; writes `eval.json` and
-/// `test/` anew.
+/// `test/` and `report.html` anew.
 ///
 /// # Errors
 /// Another process at work on the run, a scene that is not what it was, and anything that fails on
@@ -86,15 +88,34 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
     let cloud = carved.as_ref().map_or(&scene.cloud, |c| &c.cloud);
     let gpu = Gpu::open()?;
     let kernels = Kernels::new(&gpu);
+    let device = (&gpu, &kernels);
     let what = (run, options, stamp, protocol);
-    measure(
-        (&gpu, &kernels),
-        (&scene.test, cloud),
-        &frame,
-        &config,
-        what,
-        metrics.seconds.train,
-    )
+    let seen = (scene.test.as_slice(), cloud);
+    let evaluation = measure(device, seen, &frame, &config, what, metrics.seconds.train)?;
+    write_run_page(run, &scene.test, &frame)?;
+    Ok(evaluation)
+}
+
+/// Writes one page over several runs that have been evaluated.
+///
+/// # Errors
+/// A scene that is no longer as a run was trained on it, or a file that cannot be read.
+pub fn compare(runs: &[RunDir], path: &Path) -> Result<()> {
+    let mut scenes: Vec<SceneRuns> = Vec::new();
+    for run in runs {
+        let (config, metrics) = (run.config()?, run.metrics()?);
+        if let Some(scene) = scenes.iter_mut().find(|s| s.is_of(&metrics.scene)) {
+            scene.add(run)?;
+            continue;
+        }
+        let loaded = TrainJob::recorded(&metrics.scene, config)
+            .and_then(|job| job.load_again())
+            .map_err(|e| e.at_path(run.root()))?;
+        let mut scene = SceneRuns::new(&metrics.scene, &loaded.test, runs.len())?;
+        scene.add(run)?;
+        scenes.push(scene);
+    }
+    write_comparison(path, &scenes)
 }
 
 fn stamp_of(record: &SceneRecord) -> Result<Option<String>> {

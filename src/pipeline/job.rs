@@ -168,7 +168,7 @@ pub struct Resumed {
 
 fn open_gpu() -> Result<Gpu> {
     let gpu = Gpu::open()?;
-    eprintln!("adapter: {}", gpu.describe());
+    log::info!("adapter: {}", gpu.describe());
     Ok(gpu)
 }
 
@@ -177,9 +177,9 @@ fn timed(load: impl FnOnce() -> Result<Scene>) -> Result<(Scene, f64)> {
     let start = Instant::now();
     let scene = load()?;
     let load_s = start.elapsed().as_secs_f64();
-    eprintln!("scene: {}", scene.source);
+    log::info!("scene: {}", scene.source);
     for warning in &scene.warnings {
-        eprintln!("warning: {warning}");
+        log::warn!("{warning}");
     }
     Ok((scene, load_s))
 }

@@ -162,13 +162,13 @@ impl<'a> Keeper<'a> {
             .admit(&header.identity)
             .map_err(|e| e.at_path(&path))?;
         for warning in warnings.iter().chain(&warning) {
-            eprintln!("warning: {warning}");
+            log::warn!("{warning}");
         }
         let done = header.state.done;
         trainer
             .restore(header.state, &payload)
             .map_err(|e| e.at_path(&path))?;
-        eprintln!("going on after iteration {done} of {}", self.iterations);
+        log::info!("going on after iteration {done} of {}", self.iterations);
         Ok(header.log)
     }
 

@@ -1,14 +1,20 @@
 //! The stages in a row, as the commands call them.
 
+mod depth;
+mod dry_run;
 mod evaluate;
+mod field;
 mod job;
 mod keep;
+mod orbit;
 mod prepare;
 mod render;
 mod train;
 mod watch;
 
-pub use evaluate::{evaluate, evaluation_at_hand};
+pub use dry_run::{DryRun, dry_run};
+pub use evaluate::{compare, evaluate, evaluation_at_hand};
+pub use field::{Advice, FieldMaps, FieldReport, Place, Uncovered, field};
 pub use job::{Resumed, TrainJob};
 pub use prepare::{Prepared, n_start, prepare};
 pub use render::render;
@@ -32,6 +38,10 @@ pub struct RenderJob {
     pub views: Option<ViewSelection>,
     pub out: PathBuf,
     pub format: RenderFormat,
+    /// Expected depth beside each image, 32-bit float EXR, in the scene's unit.
+    pub depth: bool,
+    /// Opacity beside each image, 16-bit PNG.
+    pub alpha: bool,
 }
 
 /// Where `render` takes its cameras from.
@@ -49,6 +59,8 @@ pub enum ViewSelection {
     Test,
     Virtual,
     Names(Vec<String>),
+    /// So many views around the focus; they become an animation, too.
+    Orbit(u32),
 }
 
 /// File format of `render`'s images.

@@ -11,12 +11,16 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::field::{Coverage, Field, Focus, fibonacci_sphere};
 use crate::gaussians::Gaussians;
+use crate::progress::Progress;
 use crate::run::Seconds;
 use crate::scene::{Image, PointCloud, Scene, View, thin};
 use crate::splat::{SplatImage, fill_holes, splat_views};
 use crate::train::{Shell, Supervision, TrainingView};
 use crate::views::{VirtualView, candidates, virtual_views};
 use crate::visibility::candidate_shares;
+
+/// Most portions that splatting is done in: each goes through all points once to place them.
+const N_PORTIONS: usize = 16;
 
 /// What training starts from.
 pub struct Prepared {
@@ -51,8 +55,7 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     let virtual_views = choose_views(&train_cameras, (&focus, &field), cloud, config)?;
     let virtual_cameras: Vec<Camera> = virtual_views.iter().map(|v| v.camera.clone()).collect();
     seconds.sample = Some(clock.lap());
-    let near = config.model.near;
-    let splats = splat_views(cloud, &frame, &virtual_cameras, &config.splat, near)?;
+    let splats = splatted(cloud, &frame, &virtual_cameras, config)?;
     let goals = virtual_goals(splats, config.loss.fill_weight);
     seconds.splat = Some(clock.lap());
 
@@ -106,7 +109,7 @@ pub(super) fn carved(scene: &Scene, frame: &Frame, config: &Config) -> Result<Op
 }
 
 /// The virtual views; weighed by what they show of `cloud` where `config` asks for it.
-fn choose_views(
+pub(super) fn choose_views(
     train: &[Camera],
     (focus, field): (&Focus, &Field),
     cloud: &PointCloud,
@@ -126,6 +129,31 @@ fn choose_views(
         None
     };
     virtual_views(train, focus, field, shares.as_deref(), config)
+}
+
+/// The cloud in the virtual views, portion by portion to show how far it is.
+fn splatted(
+    cloud: &PointCloud,
+    frame: &Frame,
+    cameras: &[Camera],
+    config: &Config,
+) -> Result<Vec<SplatImage>> {
+    let n_least = 4 * rayon::current_num_threads();
+    let portion = cameras.len().div_ceil(N_PORTIONS).max(n_least);
+    let mut progress = Progress::stage("splatting", cameras.len() as u32);
+    let mut splats = Vec::with_capacity(cameras.len());
+    for part in cameras.chunks(portion) {
+        splats.extend(splat_views(
+            cloud,
+            frame,
+            part,
+            &config.splat,
+            config.model.near,
+        )?);
+        progress.advance(splats.len() as u32);
+    }
+    progress.finish();
+    Ok(splats)
 }
 
 /// The views that the optimiser learns from, in the canonical frame.

@@ -1,20 +1,25 @@
 //! Renders a model from a scene's or a file's cameras.
 
+use std::path::{Path, PathBuf};
+
 use glam::DVec3;
 
+use super::depth::depth;
+use super::orbit::orbit;
 use super::{CameraSource, RenderFormat, RenderJob, ViewSelection, cameras, focus_of, load_scene};
 use crate::camera::{Camera, Frame};
 use crate::cameras_json::read_cameras;
 use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result, create_dir};
-use crate::field::Field;
+use crate::field::{Field, Focus};
 use crate::gaussians::ply::read_ply;
 use crate::gpu::Gpu;
-use crate::metrics;
-use crate::render::{Kernels, Model, Renderer, ViewUniform};
-use crate::report::{write_exr, write_png};
+use crate::metrics::quantize;
+use crate::progress::Progress;
+use crate::render::{Kernels, Model, Rendered, Renderer, ViewUniform};
+use crate::report::{write_animation, write_exr, write_grey_png, write_png};
 use crate::run::file_names;
-use crate::scene::LoadOptions;
+use crate::scene::{LoadOptions, PointCloud};
 use crate::views::virtual_views;
 
 /// Names of views that an error lists: a line of hundreds helps nobody.
@@ -26,8 +31,8 @@ pub fn render(job: &RenderJob) -> Result<usize> {
     let gaussians = read_ply(&job.model)?;
     let n_not_finite = gaussians.n_not_finite();
     if n_not_finite > 0 {
-        eprintln!(
-            "warning: {}: {n_not_finite} of {} Gaussians are not finite and are not drawn",
+        log::warn!(
+            "{}: {n_not_finite} of {} Gaussians are not finite and are not drawn",
             job.model.display(),
             gaussians.len()
         );
@@ -39,35 +44,67 @@ pub fn render(job: &RenderJob) -> Result<usize> {
     }
     let gpu = Gpu::open()?;
     create_dir(&job.out)?;
-    eprintln!("adapter: {}", gpu.describe());
-    eprintln!("rendering {} views", cameras.len());
+    log::info!("adapter: {}", gpu.describe());
+    let mut progress = Progress::stage("rendering", cameras.len() as u32);
     let kernels = Kernels::new(&gpu);
     let gaussians = gaussians.to_canonical(&frame);
     let model = Model::upload(&gpu, &gaussians, gaussians.len())?;
     let mut renderer = Renderer::new(&gpu, &kernels);
     let names: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
-    let extension = match job.format {
-        RenderFormat::Png => "png",
-        RenderFormat::Exr => "exr",
-    };
-    for (camera, file) in cameras.iter().zip(file_names(&names, extension)) {
-        let path = job.out.join(file);
-        let view = frame.camera_to_canonical(camera);
-        let view = ViewUniform::new(&view, config.model.near, config.model.background);
-        let image = renderer
-            .render(&model, &view)
-            .map_err(|e| e.at(&camera.name))?;
-        match job.format {
-            RenderFormat::Png => {
-                write_png(
-                    &path,
-                    &metrics::quantize(image.width, image.height, &image.rgb)?,
-                )?;
-            }
-            RenderFormat::Exr => write_exr(&path, image.width, image.height, &image.rgb)?,
+    let files = file_names(&names, "png");
+    let near = config.model.near;
+    let mut render = |i: usize| {
+        let camera = frame.camera_to_canonical(&cameras[i]);
+        let path = job.out.join(&files[i]);
+        let view = ViewUniform::new(&camera, near, config.model.background);
+        let at = |e: Error| e.at(&cameras[i].name);
+        let image = renderer.render(&model, &view).map_err(at)?;
+        write_image(job, &path, &image)?;
+        if job.depth {
+            let depth = depth(&gpu, &mut renderer, &gaussians, &camera, near).map_err(at)?;
+            let grey = depth.iter().flat_map(|d| [d * frame.radius as f32; 3]);
+            let path = beside(&path, "_depth.exr");
+            write_exr(
+                &path,
+                image.width,
+                image.height,
+                &grey.collect::<Vec<f32>>(),
+            )?;
         }
+        progress.advance(i as u32 + 1);
+        quantize(image.width, image.height, &image.rgb)
+    };
+    match job.views {
+        Some(ViewSelection::Orbit(n)) => {
+            let size = (cameras[0].width, cameras[0].height);
+            let path = job.out.join("orbit.png");
+            write_animation(&path, size, n, |i| render(i as usize))?;
+        }
+        _ => (0..cameras.len()).try_for_each(|i| render(i).map(|_| ()))?,
     }
+    progress.finish();
     Ok(cameras.len())
+}
+
+/// Writes a render and, where the job asks for it, its opacity.
+fn write_image(job: &RenderJob, png: &Path, image: &Rendered) -> Result<()> {
+    let &Rendered { width, height, .. } = image;
+    match job.format {
+        RenderFormat::Png => write_png(png, &quantize(width, height, &image.rgb)?)?,
+        RenderFormat::Exr => write_exr(&beside(png, ".exr"), width, height, &image.rgb)?,
+    }
+    if job.alpha {
+        write_grey_png(&beside(png, "_alpha.png"), width, height, &image.alpha)?;
+    }
+    Ok(())
+}
+
+/// `views/a_alpha.png` for `views/a.png`.
+fn beside(png: &Path, ending: &str) -> PathBuf {
+    let stem = png.file_stem().unwrap_or_default();
+    let mut name = stem.to_owned();
+    name.push(ending);
+    png.with_file_name(name)
 }
 
 /// The cameras to render from, and the frame that sets the near plane.
@@ -85,6 +122,7 @@ fn choose(job: &RenderJob, config: &Config) -> Result<(Vec<Camera>, Frame)> {
                     let views = virtual_views(&train, &focus, &field, None, config)?;
                     views.into_iter().map(|view| view.camera).collect()
                 }
+                Some(ViewSelection::Orbit(n)) => orbit(&train, &focus, *n)?,
                 Some(ViewSelection::Names(names)) => {
                     named(names, &[train, cameras(&scene.test)].concat())?
                 }
@@ -99,6 +137,12 @@ fn choose(job: &RenderJob, config: &Config) -> Result<(Vec<Camera>, Frame)> {
                 None => all,
                 Some(ViewSelection::Virtual) => all.iter().filter(is_virtual).cloned().collect(),
                 Some(ViewSelection::Names(names)) => named(names, &all)?,
+                Some(ViewSelection::Orbit(n)) => {
+                    let taken: Vec<Camera> =
+                        all.iter().filter(|c| !is_virtual(c)).cloned().collect();
+                    // Without a cloud only cameras that look at one place say where it is.
+                    orbit(&taken, &Focus::find(&taken, &PointCloud::default())?, *n)?
+                }
                 Some(ViewSelection::Train | ViewSelection::Test) => {
                     return Err(Error::usage(
                         "a camera file does not say which views are for training or testing",

@@ -5,6 +5,7 @@ use std::time::Instant;
 use super::keep::{Identity, Keeper, Log};
 use super::watch::{Curve, Watch, curve_point};
 use super::{Clock, Prepared, TrainJob, cameras, evaluate, prepare};
+use crate::camera::Camera;
 use crate::cameras_json::write_cameras;
 use crate::config::Config;
 use crate::error::{Error, ErrorKind, Result};
@@ -13,7 +14,7 @@ use crate::gaussians::ply::write_ply;
 use crate::gpu::Gpu;
 use crate::progress::Progress;
 use crate::render::{Kernels, Renderer, most_gaussians};
-use crate::report::{ContactSheet, mask_image, write_png};
+use crate::report::{ContactSheet, mask_image, write_png, write_run_page};
 use crate::run::{
     Evaluation, JobRecord, Memory, Metrics, ModelSize, RunDir, SceneRecord, Seconds, Stop,
     peak_host_bytes,
@@ -47,7 +48,7 @@ pub fn train(
     })?;
     let prepared = prepare(scene, &job.config, &mut seconds)?;
     for warning in &prepared.warnings {
-        eprintln!("warning: {warning}");
+        log::warn!("{warning}");
     }
     if let Some(carved) = &prepared.carved {
         log_carving(&carved.removed, scene.cloud.len());
@@ -70,14 +71,12 @@ pub fn train(
     let n_points = task.cloud().len();
     let n_shell = job.config.shell.count;
     let n_scene = start.len() - n_shell;
-    eprintln!("{n_scene} Gaussians from {n_points} points, {n_shell} in the far shell");
+    log::info!("{n_scene} Gaussians from {n_points} points, {n_shell} in the far shell");
     write_virtual_sheet(run, &supervision.virtual_views)?;
-    let virtual_cameras = virtual_cameras.clone();
-    let all = [cameras(&scene.train), cameras(&scene.test), virtual_cameras].concat();
-    write_cameras(&run.cameras(), &all)?;
+    write_cameras(&run.cameras(), &all_cameras(scene, virtual_cameras))?;
     match task.attempt(gpu, seconds) {
         Err(e) if e.kind() == ErrorKind::DeviceLost => {
-            eprintln!("warning: {e}; trying once more");
+            log::warn!("{e}; trying once more");
             task.attempt(&Gpu::open()?, seconds)
         }
         outcome => outcome,
@@ -148,6 +147,7 @@ impl Task<'_> {
             model_size: model_sizes(prepared.start.len(), &trained.plans),
             curve,
         })?;
+        write_run_page(run, &scene.test, frame)?;
         // Nothing is left to resume.
         run.checkpoints().clear()?;
         Ok(evaluation)
@@ -197,6 +197,15 @@ impl Task<'_> {
     }
 }
 
+/// Training, test and virtual cameras; a test view that is a training view once.
+fn all_cameras(scene: &Scene, virtual_cameras: &[Camera]) -> Vec<Camera> {
+    let train = cameras(&scene.train);
+    let is_new = |camera: &Camera| train.iter().all(|other| other.name != camera.name);
+    let mut test = cameras(&scene.test);
+    test.retain(is_new);
+    [&train, &test, virtual_cameras].concat()
+}
+
 /// The scene before it is carved.
 fn record(scene: &Scene, job: &TrainJob) -> SceneRecord {
     let names = |views: &[View]| views.iter().map(|view| view.camera.name.clone()).collect();
@@ -215,7 +224,7 @@ fn record(scene: &Scene, job: &TrainJob) -> SceneRecord {
 /// How many of `n_points` each round took.
 fn log_carving(removed: &[usize], n_points: usize) {
     let rounds: Vec<String> = removed.iter().map(usize::to_string).collect();
-    eprintln!(
+    log::info!(
         "carved {} of {n_points} points: {} in {} rounds",
         removed.iter().sum::<usize>(),
         if rounds.is_empty() {
@@ -231,7 +240,7 @@ fn log_carving(removed: &[usize], n_points: usize) {
 ///
 /// # Errors
 /// The start itself does not fit.
-fn fitted(config: &Config, gpu: &Gpu, n_start: usize) -> Result<Config> {
+pub(super) fn fitted(config: &Config, gpu: &Gpu, n_start: usize) -> Result<Config> {
     let most = most_gaussians(gpu, config.model.sh_degree);
     if n_start > most {
         return Err(Error::new(format!(
@@ -245,7 +254,7 @@ fn fitted(config: &Config, gpu: &Gpu, n_start: usize) -> Result<Config> {
     }
     let mut fitted = config.clone();
     if config.densify.enabled && config.densify.max_gaussians > most {
-        eprintln!("densification stops at {most} Gaussians, which is what the adapter can bind");
+        log::info!("densification stops at {most} Gaussians, which is what the adapter can bind");
         fitted.densify.max_gaussians = most;
     }
     Ok(fitted)

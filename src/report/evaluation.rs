@@ -4,8 +4,8 @@ use super::table::{Table, escaped, figure};
 use crate::metrics::lpips::WEIGHTS_RECIPE;
 use crate::run::{Evaluation, Measured, Renders};
 
-/// A run's errors per test view and in the mean, its size and training time.
-pub fn evaluation_table(run: &str, evaluation: &Evaluation) -> String {
+/// A run's errors per test view and, in the last row, in the mean.
+pub fn view_table(evaluation: &Evaluation) -> Table {
     let measured = evaluation.measured.as_ref();
     let lpips = measured.and_then(|measured| measured.lpips.as_ref());
     let lpips = lpips.map_or_else(|| "LPIPS".to_owned(), ToString::to_string);
@@ -33,6 +33,12 @@ pub fn evaluation_table(run: &str, evaluation: &Evaluation) -> String {
         row.extend(figures(mean.psnr, mean.ssim, mean.lpips));
     }
     table.row(&row);
+    table
+}
+
+/// A run's errors, its size and training time, in Markdown.
+pub fn evaluation_table(run: &str, evaluation: &Evaluation) -> String {
+    let table = view_table(evaluation);
     let mut out = format!(
         "### {}\n\n{table}\n{} Gaussians, trained in {} s\n",
         escaped(run),

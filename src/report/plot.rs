@@ -268,6 +268,12 @@ impl Plot {
     }
 }
 
+/// Viridis' colour of a share in [0, 1], RGB.
+pub(super) fn viridis(share: f64) -> [u8; 3] {
+    let RGBColor(r, g, b) = ViridisRGB.get_color(share);
+    [r, g, b]
+}
+
 /// Maps values to colours between their least and greatest.
 struct ColorScale(Range<f64>);
 

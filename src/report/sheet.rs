@@ -146,7 +146,11 @@ impl ContactSheet {
 }
 
 /// The picture scaled down to fit, its shape kept; a triangle filter as wide as the reduction.
-fn shrunk(picture: &Image, width: u32, height: u32) -> Result<ImageBuffer<Rgb<u8>, Vec<u8>>> {
+pub(super) fn shrunk(
+    picture: &Image,
+    width: u32,
+    height: u32,
+) -> Result<ImageBuffer<Rgb<u8>, Vec<u8>>> {
     let Some(pixels) =
         ImageBuffer::<Rgb<u8>, &[u8]>::from_raw(picture.width, picture.height, &picture.rgb)
             .filter(|pixels| pixels.width() > 0 && pixels.height() > 0)

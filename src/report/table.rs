@@ -20,28 +20,35 @@ impl Table {
     pub fn with_text(n_text: usize, header: &[&str]) -> Table {
         Table {
             n_text,
-            rows: vec![header.iter().map(|cell| escaped(cell)).collect()],
+            rows: vec![header.iter().map(|&cell| cell.to_owned()).collect()],
         }
     }
 
     /// Appends a row; cells beyond the header's are left out, missing ones are empty.
     pub fn row(&mut self, cells: &[String]) {
-        let mut row: Vec<String> = cells.iter().map(|cell| escaped(cell)).collect();
+        let mut row = cells.to_vec();
         row.resize(self.rows[0].len(), String::new());
         self.rows.push(row);
+    }
+
+    /// The header and the rows, as they came.
+    pub fn rows(&self) -> &[Vec<String>] {
+        &self.rows
     }
 }
 
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let n_columns = self.rows[0].len();
+        let escape = |row: &Vec<String>| row.iter().map(|cell| escaped(cell)).collect();
+        let rows: Vec<Vec<String>> = self.rows.iter().map(escape).collect();
+        let n_columns = rows[0].len();
         let widths: Vec<usize> = (0..n_columns)
             .map(|column| {
-                let widths = self.rows.iter().map(|row| row[column].chars().count());
+                let widths = rows.iter().map(|row| row[column].chars().count());
                 widths.max().unwrap_or(0).max(3)
             })
             .collect();
-        for (i, row) in self.rows.iter().enumerate() {
+        for (i, row) in rows.iter().enumerate() {
             f.write_char('|')?;
             for (column, (cell, &width)) in row.iter().zip(&widths).enumerate() {
                 if column < self.n_text {

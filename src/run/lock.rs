@@ -35,8 +35,8 @@ impl RunLock {
                     .way_out("wait until it has ended, or choose another run directory"));
             }
             // Some network file systems have no locks; that is no reason not to train.
-            Err(TryLockError::Error(e)) => eprintln!(
-                "warning: {}: cannot be locked ({e}); let no other process write there",
+            Err(TryLockError::Error(e)) => log::warn!(
+                "{}: cannot be locked ({e}); let no other process write there",
                 root.display()
             ),
         }

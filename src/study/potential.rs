@@ -9,6 +9,7 @@ use super::table::{Column, DataTable};
 use super::viewpoints::{Setting, cameras, correlations, scatter};
 use super::{Picture, Report, Study, file_name};
 use crate::cameras_json::read_cameras;
+use crate::compass::Compass;
 use crate::error::Result;
 use crate::report::plot::{MapMark, SphereMap};
 use crate::splat::splat_views;
@@ -151,6 +152,8 @@ fn maps(scene: &str, setting: &Setting, run: &Finished) -> Result<Vec<Picture>> 
         ),
     ];
     let up = train.iter().map(|camera| camera.up()).sum::<DVec3>();
+    let front = train.first().map_or(DVec3::X, direction);
+    let compass = Compass::new(up.normalize_or(DVec3::Z), front)?;
     let field = &setting.field;
     let u_info = |d: DVec3| field.u_info(d);
     let u_conf = |d: DVec3| field.u_conf(d);
@@ -165,7 +168,7 @@ fn maps(scene: &str, setting: &Setting, run: &Finished) -> Result<Vec<Picture>> 
             title: format!("{scene}: {name}"),
             color_label: name.to_owned(),
             value,
-            up: up.normalize_or(DVec3::Z),
+            compass,
             marks: marks.clone(),
         };
         Ok(Picture {

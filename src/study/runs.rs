@@ -242,12 +242,12 @@ pub fn carry_out(plan: &[Planned], measure: &EvalOptions) -> Result<Results> {
         .map(|planned| planned.state(measure))
         .collect::<Result<Vec<State>>>()?;
     let n_done = states.iter().filter(|state| **state == State::Done).count();
-    eprintln!("{} runs, {n_done} of them done already", plan.len());
+    log::info!("{} runs, {n_done} of them done already", plan.len());
     let mut runs = Vec::new();
     let mut failures = Vec::new();
     for (i, (planned, state)) in plan.iter().zip(states).enumerate() {
         if state != State::Done {
-            eprintln!("run {} of {}: {}", i + 1, plan.len(), planned.name);
+            log::info!("run {} of {}: {}", i + 1, plan.len(), planned.name);
         }
         match planned.finish(state, measure) {
             Ok(run) => runs.push(run),
@@ -256,7 +256,7 @@ pub fn carry_out(plan: &[Planned], measure: &EvalOptions) -> Result<Results> {
                 return Err(e.way_out("the same command goes on there"));
             }
             Err(e) => {
-                eprintln!("run {} failed: {e}", planned.name);
+                log::warn!("run {} failed: {e}", planned.name);
                 failures.push((planned, e));
             }
         }

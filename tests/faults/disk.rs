@@ -75,7 +75,8 @@ fn a_full_disk_stops_the_training_and_room_lets_it_go_on() {
 fn a_folder_that_turns_read_only_stops_the_training_and_keeps_the_last_checkpoint() {
     let place = Place::new();
     let script = "$T 2>log & until ls run/checkpoints/*.ckpt; do sleep 0.01; done 2>/dev/null
-        mount --bind run run; mount -o remount,bind,ro run
+        mount --bind run run
+        until mount -o remount,bind,ro run 2>/dev/null; do sleep 0.01; done # busy while it writes
         code=0; wait $! || code=$?; [ $code = 1 ]
         ls run/checkpoints/*.ckpt
         code=0; $G train --resume run 2>log2 || code=$?; [ $code = 1 ]

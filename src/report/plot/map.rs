@@ -6,6 +6,7 @@ use glam::DVec3;
 use plotters::prelude::*;
 
 use super::{BAR_WIDTH, ColorScale, FONT};
+use crate::compass::Compass;
 use crate::error::{Error, Result, write_file};
 
 /// Cells around the equator; half as many from pole to pole.
@@ -26,15 +27,15 @@ pub struct MapMark {
     pub size_px: u32,
 }
 
-/// Values over the unit sphere, longitude to the right and latitude up (equirectangular).
+/// Values over the unit sphere, azimuth to the right and elevation up (equirectangular).
 pub struct SphereMap<'a> {
     pub title: String,
     /// What the colours say, with its unit.
     pub color_label: String,
     /// Value in a unit direction.
     pub value: &'a dyn Fn(DVec3) -> f64,
-    /// The unit direction at the top of the map.
-    pub up: DVec3,
+    /// Up is at the top of the map, the front in its middle.
+    pub compass: Compass,
     pub marks: Vec<MapMark>,
 }
 
@@ -42,23 +43,15 @@ impl SphereMap<'_> {
     /// The map as a document of its own.
     ///
     /// # Errors
-    /// `up` has no direction, or no value is finite.
+    /// No value is finite.
     pub fn to_svg(&self) -> Result<String> {
-        let Some(up) = self.up.try_normalize() else {
-            return Err(Error::new("the map has no upward direction").at(&self.title));
-        };
-        let right = up.any_orthonormal_vector();
-        let axes = [right, up.cross(right), up];
-        let n_latitudes = N_LONGITUDES / 2;
-        let cells: Vec<f64> = (0..n_latitudes)
-            .flat_map(|row| (0..N_LONGITUDES).map(move |column| (row, column)))
-            .map(|(row, column)| (self.value)(direction(axes, row, column)))
-            .collect();
+        let grid = self.compass.grid(N_LONGITUDES as usize / 2);
+        let cells: Vec<f64> = grid.into_iter().map(self.value).collect();
         let Some(scale) = ColorScale::over(cells.iter().copied()) else {
             return Err(Error::new("the map has no finite value").at(&self.title));
         };
         let mut svg = String::new();
-        self.draw(&mut svg, &cells, &scale, axes)
+        self.draw(&mut svg, &cells, &scale)
             .map_err(|e| Error::new(format!("cannot draw: {e}")).at(&self.title))?;
         Ok(svg)
     }
@@ -73,7 +66,6 @@ impl SphereMap<'_> {
         svg: &mut String,
         cells: &[f64],
         scale: &ColorScale,
-        axes: [DVec3; 3],
     ) -> std::result::Result<(), Box<dyn std::error::Error>> {
         let (left, top) = (48, 40);
         let (width, height) = (N_LONGITUDES * CELL, N_LONGITUDES / 2 * CELL);
@@ -106,17 +98,17 @@ impl SphereMap<'_> {
                 (FONT, 15),
             ))?;
         }
-        let caption = "longitude across and latitude upwards, degrees about the focus";
+        let caption = "azimuth across and elevation upwards, degrees about the focus";
         root.draw(&Text::new(caption, (left, top + height + 24), (FONT, 16)))?;
         let mut x = left;
         for mark in &self.marks {
             let [r, g, b] = mark.color;
             let color = RGBColor(r, g, b);
             for d in &mark.directions {
-                let (longitude, latitude) = angles(axes, *d);
+                let (azimuth, elevation) = self.compass.angles(*d);
                 let place = (
-                    left + (f64::from(width) * (longitude + 180.0) / 360.0) as i32,
-                    top + (f64::from(height) * (90.0 - latitude) / 180.0) as i32,
+                    left + (f64::from(width) * (azimuth + 180.0) / 360.0) as i32,
+                    top + (f64::from(height) * (90.0 - elevation) / 180.0) as i32,
                 );
                 root.draw(&Circle::new(place, mark.size_px + 1, BLACK.filled()))?;
                 root.draw(&Circle::new(place, mark.size_px, color.filled()))?;
@@ -136,41 +128,5 @@ impl SphereMap<'_> {
         scale.draw(&bar, &self.color_label)?;
         root.present()?;
         Ok(())
-    }
-}
-
-/// The unit direction of a cell's middle; row 0 is at the pole that `axes[2]` points to.
-fn direction(axes: [DVec3; 3], row: i32, column: i32) -> DVec3 {
-    let step = std::f64::consts::TAU / f64::from(N_LONGITUDES);
-    let longitude = (f64::from(column) + 0.5) * step - std::f64::consts::PI;
-    let latitude = std::f64::consts::FRAC_PI_2 - (f64::from(row) + 0.5) * step;
-    let (sin, cos) = longitude.sin_cos();
-    (axes[0] * cos + axes[1] * sin) * latitude.cos() + axes[2] * latitude.sin()
-}
-
-/// Longitude and latitude of a unit direction, degrees.
-fn angles(axes: [DVec3; 3], d: DVec3) -> (f64, f64) {
-    let [x, y, z] = axes.map(|axis| axis.dot(d));
-    (
-        y.atan2(x).to_degrees(),
-        z.clamp(-1.0, 1.0).asin().to_degrees(),
-    )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn angles_invert_directions() {
-        let up = DVec3::new(0.3, -0.8, 0.2).normalize();
-        let right = up.any_orthonormal_vector();
-        let axes = [right, up.cross(right), up];
-        for (row, column) in [(0, 0), (7, 93), (59, 119), (30, 60)] {
-            let (longitude, latitude) = angles(axes, direction(axes, row, column));
-            let step = 360.0 / f64::from(N_LONGITUDES);
-            assert!((longitude - ((f64::from(column) + 0.5) * step - 180.0)).abs() < 1e-9);
-            assert!((latitude - (90.0 - (f64::from(row) + 0.5) * step)).abs() < 1e-9);
-        }
     }
 }

@@ -1,0 +1,34 @@
+//! What `train --dry-run` prints.
+
+use crate::pipeline::DryRun;
+use crate::progress::short_time;
+use crate::report::Table;
+
+/// What a run would take, as a table.
+pub fn text(dry: &DryRun) -> String {
+    let mut table = Table::with_text(2, &["", "value"]);
+    let mut row = |what: &str, value: String| table.row(&[what.to_owned(), value]);
+    let mebibytes = |bytes: u64| format!("{} MiB", bytes >> 20);
+    let [width, height] = dry.image_size;
+    row("scene", dry.scene.clone());
+    let training = format!("{} of {width}x{height}", dry.n_training_views);
+    row("training views", training);
+    row("test views", dry.n_test_views.to_string());
+    row("virtual views", dry.n_virtual_views.to_string());
+    row("points", dry.n_points.to_string());
+    row("Gaussians at the start", dry.n_gaussians.to_string());
+    let most = dry.max_gaussians.map(|n| n.to_string());
+    row("Gaussians at most", most.unwrap_or("the same".to_owned()));
+    row("GPU buffers at the start", mebibytes(dry.gpu_bytes));
+    let host = dry.host_bytes.map_or("n/a".to_owned(), mebibytes);
+    row("process at the start", host);
+    row("preparation", short_time(dry.prepare_s));
+    row("an iteration", format!("{:.1} ms", 1e3 * dry.iteration_s));
+    let all = f64::from(dry.n_iterations) * dry.iteration_s;
+    let iterations = format!("{} iterations", dry.n_iterations);
+    row(&iterations, short_time(all));
+    format!(
+        "{table}\nTime and memory are as measured at the start: both grow with the Gaussians and with \
+         the degree of their colours.\n"
+    )
+}

@@ -1,0 +1,79 @@
+//! What every command takes: the adapter, threads, and how it speaks.
+
+use clap::Args;
+
+use crate::error::{Error, Result};
+use crate::gpu;
+use crate::logging::{self, Style};
+use crate::report::Table;
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Machine")]
+pub struct Machine {
+    /// GPU adapter, by a part of its name [default: the fastest kind]
+    #[arg(long, value_name = "NAME", global = true)]
+    adapter: Option<String>,
+
+    /// CPU threads [default: one a core]; results do not depend on it
+    #[arg(long, value_name = "N", global = true,
+          value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+
+    /// Only warnings and errors on stderr
+    #[arg(long, short, global = true)]
+    quiet: bool,
+
+    /// How messages and progress are written to stderr; `json` is one object a line
+    #[arg(long, value_name = "STYLE", value_enum, default_value_t = Style::Text, global = true)]
+    log: Style,
+}
+
+impl Machine {
+    /// Sets up the process; before anything else.
+    ///
+    /// # Errors
+    /// Threads that the system does not give.
+    pub fn prepare(&self) -> Result<()> {
+        logging::start(self.log, self.quiet);
+        if let Some(name) = &self.adapter {
+            gpu::prefer_adapter(name);
+        }
+        match self.threads {
+            None => Ok(()),
+            Some(n) => rayon::ThreadPoolBuilder::new()
+                .num_threads(n.into())
+                .build_global()
+                .map_err(|e| Error::new(format!("cannot start {n} threads: {e}"))),
+        }
+    }
+}
+
+/// List the GPU adapters, the one that is taken unless --adapter names another first
+#[derive(Debug, Args)]
+pub struct AdaptersArgs {}
+
+impl AdaptersArgs {
+    pub fn run(self) -> Result<()> {
+        let mut table = Table::with_text(
+            4,
+            &[
+                "adapter",
+                "driver",
+                "backend",
+                "kind",
+                "largest binding MiB",
+            ],
+        );
+        for adapter in gpu::adapters()? {
+            let (info, limits) = (adapter.get_info(), adapter.limits());
+            table.row(&[
+                info.name,
+                info.driver_info,
+                info.backend.to_string(),
+                format!("{:?}", info.device_type),
+                (limits.max_storage_buffer_binding_size >> 20).to_string(),
+            ]);
+        }
+        super::print(&table.to_string())
+    }
+}

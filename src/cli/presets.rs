@@ -1,0 +1,68 @@
+//! `gspotential presets`
+
+use clap::Args;
+
+use crate::config::{Key, PRESETS, keys, summary};
+use crate::error::Result;
+use crate::report::Table;
+
+const EXAMPLES: &str = "\
+Examples:
+  gspotential presets
+  gspotential presets --keys > keys.md";
+
+/// List the presets and where they differ, or every config key
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub struct PresetsArgs {
+    /// List every key with its value in each preset and what it means
+    #[arg(long)]
+    keys: bool,
+}
+
+impl PresetsArgs {
+    pub fn run(self) -> Result<()> {
+        let keys = keys()?;
+        let shown = if self.keys {
+            key_table(&keys).to_string()
+        } else {
+            let mut presets = Table::with_text(2, &["preset", "what"]);
+            for (name, _) in PRESETS {
+                presets.row(&[(*name).to_owned(), summary(name).to_owned()]);
+            }
+            format!("{presets}\n{}", difference_table(&keys))
+        };
+        super::print(&shown)
+    }
+}
+
+/// A row a preset, a column a key whose value they do not share.
+fn difference_table(keys: &[Key]) -> Table {
+    let differing: Vec<&Key> = keys.iter().filter(|key| key.differs()).collect();
+    let names = differing.iter().map(|key| key.key.as_str());
+    let header: Vec<&str> = std::iter::once("preset").chain(names).collect();
+    let mut table = Table::new(&header);
+    for (i, (name, _)) in PRESETS.iter().enumerate() {
+        let values = differing.iter().map(|key| key.values[i].to_string());
+        let row: Vec<String> = std::iter::once((*name).to_owned()).chain(values).collect();
+        table.row(&row);
+    }
+    table
+}
+
+fn key_table(keys: &[Key]) -> Table {
+    let default = format!("`{}`, and others", PRESETS[0].0);
+    let mut table = Table::with_text(3, &["key", &default, "what"]);
+    for key in keys {
+        let mut value = key.values[0].to_string();
+        if key.differs() {
+            for ((name, _), other) in PRESETS.iter().zip(&key.values) {
+                if *other != key.values[0] {
+                    value += &format!("; `{name}` {other}");
+                }
+            }
+        }
+        table.row(&[key.key.clone(), value, key.doc.clone()]);
+    }
+    table
+}

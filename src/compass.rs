@@ -1,0 +1,99 @@
+//! Azimuth and elevation about the focus, as someone who walks around the scene would say it.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use glam::DVec3;
+
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+
+/// Directions about the focus as angles. Azimuth 0 is at the front; it grows to the right of
+/// someone who stands there and looks at the focus, which is anticlockwise seen from above.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Compass {
+    /// Front, a quarter turn to the right of it, up; orthonormal.
+    axes: [DVec3; 3],
+}
+
+impl Compass {
+    /// Where `up` and `front` point, of any length; a front that is straight above or below says
+    /// nothing, and any other is taken for it.
+    ///
+    /// # Errors
+    /// `up` has no direction.
+    pub fn new(up: DVec3, front: DVec3) -> Result<Compass> {
+        let Some(up) = up.try_normalize() else {
+            return Err(Error::new("nothing says which way is up"));
+        };
+        let level = front.reject_from_normalized(up);
+        let front = if level.length() > 1e-6 * front.length() {
+            level.normalize()
+        } else {
+            up.any_orthonormal_vector()
+        };
+        Ok(Compass {
+            axes: [front, up.cross(front), up],
+        })
+    }
+
+    /// Up is the cameras' mean up, and the front is where the first of them stands. Cameras whose
+    /// ups cancel out leave the up of the first.
+    ///
+    /// # Errors
+    /// No camera.
+    pub fn of_cameras(cameras: &[Camera], focus: DVec3) -> Result<Compass> {
+        let Some(first) = cameras.first() else {
+            return Err(Error::new("no training camera says which way is up"));
+        };
+        let mean_up = cameras.iter().map(Camera::up).sum::<DVec3>() / cameras.len() as f64;
+        let up = if mean_up.length() > 0.1 {
+            mean_up
+        } else {
+            first.up()
+        };
+        Compass::new(up, first.center() - focus)
+    }
+
+    /// Azimuth in (-180, 180] and elevation in [-90, 90] of a unit direction, degrees.
+    pub fn angles(&self, direction: DVec3) -> (f64, f64) {
+        let [x, y, z] = self.local(direction).to_array();
+        (
+            y.atan2(x).to_degrees(),
+            z.clamp(-1.0, 1.0).asin().to_degrees(),
+        )
+    }
+
+    /// The unit direction at an azimuth and an elevation, degrees.
+    pub fn direction(&self, azimuth: f64, elevation: f64) -> DVec3 {
+        let (sin, cos) = azimuth.to_radians().sin_cos();
+        let (height, level) = elevation.to_radians().sin_cos();
+        (self.axes[0] * cos + self.axes[1] * sin) * level + self.axes[2] * height
+    }
+
+    /// Components along front, right and up.
+    pub fn local(&self, direction: DVec3) -> DVec3 {
+        DVec3::from_array(self.axes.map(|axis| axis.dot(direction)))
+    }
+
+    pub fn up(&self) -> DVec3 {
+        self.axes[2]
+    }
+
+    /// Unit directions in the middles of the cells of an equirectangular map: rows from the zenith
+    /// down, columns from azimuth -180 upwards, twice as many as rows.
+    pub fn grid(&self, n_rows: usize) -> Vec<DVec3> {
+        let step = PI / n_rows as f64;
+        let cells = (0..n_rows).flat_map(|row| (0..2 * n_rows).map(move |column| (row, column)));
+        let angles = cells.map(|(row, column)| {
+            (
+                (column as f64 + 0.5) * step - 0.5 * TAU,
+                FRAC_PI_2 - (row as f64 + 0.5) * step,
+            )
+        });
+        angles
+            .map(|(azimuth, elevation)| {
+                self.direction(azimuth.to_degrees(), elevation.to_degrees())
+            })
+            .collect()
+    }
+}

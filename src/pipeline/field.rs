@@ -1,0 +1,216 @@
+//! The field and the sampling of a scene alone.
+
+use glam::DVec3;
+use serde::Serialize;
+
+use super::prepare::{carved, choose_views};
+use super::{cameras, focus_of};
+use crate::compass::Compass;
+use crate::config::Config;
+use crate::error::{Error, Result};
+use crate::field::{Field, Focus, angle};
+use crate::gaps::{Gaps, uncovered};
+use crate::report::plot::{MapMark, SphereMap};
+use crate::scene::Scene;
+
+const TRAINING_COLOR: [u8; 3] = [224, 60, 49];
+const VIRTUAL_COLOR: [u8; 3] = [255, 255, 255];
+const ADVICE_COLOR: [u8; 3] = [255, 0, 220];
+
+/// What the photographs of a scene cover: `field.json`. Angles are degrees, by [`Compass`].
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FieldReport {
+    pub scene: String,
+    /// Scene's own frame.
+    pub focus: [f64; 3],
+    /// Scene's own units.
+    pub radius: f64,
+    pub up: [f64; 3],
+    pub training: Vec<Place>,
+    /// In the order of the draw.
+    pub virtual_views: Vec<Place>,
+    pub uncovered: Uncovered,
+    pub advice: Advice,
+}
+
+/// A direction about the focus.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Place {
+    /// The camera's, where there is one.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub name: String,
+    pub azimuth: f64,
+    pub elevation: f64,
+    pub u_info: f64,
+    /// The nearest training camera; of a training camera the nearest other, null without one.
+    pub nearest: Option<String>,
+    pub nearest_angle: Option<f64>,
+}
+
+/// Shares in [0, 1] of the band of elevations.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Uncovered {
+    pub elevations: [f64; 2],
+    pub mean: f64,
+    pub worst: Place,
+    pub worst_value: f64,
+}
+
+/// Where one more photograph leaves the least uncovered.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Advice {
+    pub place: Place,
+    /// On the sphere, in the scene's own frame, looking at the focus.
+    pub position: [f64; 3],
+    pub mean_uncovered: f64,
+    /// From the nearest training camera: to the right of someone there who looks at the focus.
+    pub to_the_right: f64,
+    pub upwards: f64,
+}
+
+/// The field of a scene's training views, and its maps as SVG.
+pub struct FieldMaps {
+    pub report: FieldReport,
+    /// `U_total` with the virtual views drawn from it.
+    pub potential_svg: String,
+    /// What is uncovered, with the advice.
+    pub gaps_svg: String,
+    /// For the log.
+    pub warnings: Vec<String>,
+}
+
+/// Makes the field of `scene` as `config` says, draws its virtual views and looks for gaps.
+///
+/// # Errors
+/// A camera layout without a sphere, or more virtual views than candidates.
+pub fn field(scene: &Scene, config: &Config) -> Result<FieldMaps> {
+    let training = cameras(&scene.train);
+    let (focus, _) = focus_of(scene)?;
+    let map = Surveyed {
+        field: Field::new(&training, &focus, &config.field),
+        compass: Compass::of_cameras(&training, focus.center)?,
+        names: training.iter().map(|camera| camera.name.clone()).collect(),
+    };
+    let carved = carved(scene, &focus.frame(), config)?;
+    let cloud = carved.as_ref().map_or(&scene.cloud, |c| &c.cloud);
+    let views = choose_views(&training, (&focus, &map.field), cloud, config)?;
+    let gaps = Gaps::find(&map.field, &map.compass)
+        .ok_or_else(|| Error::new("no training camera to look for gaps with"))?;
+    let drawn: Vec<DVec3> = views.iter().map(|view| view.direction).collect();
+    let report = FieldReport {
+        scene: scene.name.clone(),
+        focus: focus.center.to_array(),
+        radius: focus.radius,
+        up: map.compass.up().to_array(),
+        training: map.training(),
+        virtual_views: views
+            .iter()
+            .map(|view| map.place(&view.camera.name, view.direction))
+            .collect(),
+        uncovered: Uncovered {
+            elevations: gaps.band,
+            mean: gaps.mean,
+            worst: map.place("", gaps.worst),
+            worst_value: gaps.worst_value,
+        },
+        advice: map.advice(&gaps, &focus),
+    };
+    Ok(FieldMaps {
+        potential_svg: map.potential_svg(&drawn)?,
+        gaps_svg: map.gaps_svg(gaps.advice)?,
+        warnings: focus.fallback.into_iter().collect(),
+        report,
+    })
+}
+
+/// A field with the names of its cameras.
+struct Surveyed {
+    field: Field,
+    compass: Compass,
+    names: Vec<String>,
+}
+
+impl Surveyed {
+    fn place(&self, name: &str, direction: DVec3) -> Place {
+        let (azimuth, elevation) = self.compass.angles(direction);
+        Place {
+            name: name.to_owned(),
+            azimuth,
+            elevation,
+            u_info: self.field.u_info(direction),
+            nearest: Some(self.names[self.field.nearest(direction)].clone()),
+            nearest_angle: Some(self.field.u_conf(direction).to_degrees()),
+        }
+    }
+
+    fn training(&self) -> Vec<Place> {
+        let directions = &self.field.directions;
+        let place = |(i, direction): (usize, &DVec3)| {
+            let others = (0..directions.len()).filter(|j| *j != i);
+            let angles = others.map(|j| (angle(*direction, directions[j]), j));
+            let nearest = angles.min_by(|a, b| a.0.total_cmp(&b.0));
+            Place {
+                nearest: nearest.map(|(_, j)| self.names[j].clone()),
+                nearest_angle: nearest.map(|(radians, _)| radians.to_degrees()),
+                ..self.place(&self.names[i], *direction)
+            }
+        };
+        directions.iter().enumerate().map(place).collect()
+    }
+
+    fn advice(&self, gaps: &Gaps, focus: &Focus) -> Advice {
+        let nearest = self.field.directions[self.field.nearest(gaps.advice)];
+        let (from, to) = (
+            self.compass.angles(nearest),
+            self.compass.angles(gaps.advice),
+        );
+        Advice {
+            place: self.place("", gaps.advice),
+            position: (focus.center + focus.radius * gaps.advice).to_array(),
+            mean_uncovered: gaps.mean_with_advice,
+            to_the_right: (to.0 - from.0 + 540.0).rem_euclid(360.0) - 180.0,
+            upwards: to.1 - from.1,
+        }
+    }
+
+    fn potential_svg(&self, drawn: &[DVec3]) -> Result<String> {
+        SphereMap {
+            title: "Camera potential".to_owned(),
+            color_label: "U_total".to_owned(),
+            value: &|d| self.field.u_total(d),
+            compass: self.compass,
+            marks: vec![
+                mark("virtual", drawn.to_vec(), VIRTUAL_COLOR, 2),
+                self.training_mark(),
+            ],
+        }
+        .to_svg()
+    }
+
+    fn gaps_svg(&self, advice: DVec3) -> Result<String> {
+        SphereMap {
+            title: "What the photographs leave uncovered".to_owned(),
+            color_label: "uncovered".to_owned(),
+            value: &|d| uncovered(&self.field, d),
+            compass: self.compass,
+            marks: vec![
+                self.training_mark(),
+                mark("one more", vec![advice], ADVICE_COLOR, 6),
+            ],
+        }
+        .to_svg()
+    }
+
+    fn training_mark(&self) -> MapMark {
+        mark("training", self.field.directions.clone(), TRAINING_COLOR, 5)
+    }
+}
+
+fn mark(name: &str, directions: Vec<DVec3>, color: [u8; 3], size_px: u32) -> MapMark {
+    MapMark {
+        name: name.to_owned(),
+        directions,
+        color,
+        size_px,
+    }
+}

@@ -1,0 +1,102 @@
+//! Training over its iterations.
+
+use crate::error::Result;
+use crate::report::plot::{Axis, Plot, Point, Style};
+use crate::run::{CurvePoint, ImageLoss, LossSample, Metrics};
+
+/// Most points of a curve: a sample is of one view and jumps with it, a mean over many does not.
+const MAX_POINTS: usize = 60;
+
+type Measure = fn(&CurvePoint) -> Option<f64>;
+
+/// A run's name, metrics and weight of the SSIM term.
+pub struct Trained<'a> {
+    pub name: &'a str,
+    pub metrics: &'a Metrics,
+    pub ssim_weight: f64,
+}
+
+/// The plots of `runs` as SVG; series are named after the runs where there are several.
+///
+/// # Errors
+/// Runs without any loss sample.
+pub fn plots(runs: &[Trained]) -> Result<Vec<String>> {
+    let mut plots = vec![loss(runs).to_svg()?, size(runs).to_svg()?];
+    // The test views on the way are measured on request alone.
+    let measures: [(&str, Measure); 2] = [("PSNR (dB)", |p| p.psnr), ("SSIM", |p| p.ssim)];
+    for (name, value) in measures {
+        let points = || runs.iter().flat_map(|run| &run.metrics.curve);
+        if points().any(|p| value(p).is_some()) {
+            plots.push(quality(runs, name, value).to_svg()?);
+        }
+    }
+    Ok(plots)
+}
+
+fn over_iterations(title: &str, label: &str) -> Plot {
+    Plot::new(title, Axis::linear("iteration"), Axis::linear(label))
+}
+
+/// The legend needs no name where there is one run.
+fn label<'a>(runs: &[Trained<'a>], run: &Trained<'a>) -> &'a str {
+    if runs.len() == 1 { "" } else { run.name }
+}
+
+fn loss(runs: &[Trained]) -> Plot {
+    let mut plot = over_iterations("Loss", "(1 - w) L1 + w (1 - SSIM)");
+    for run in runs {
+        let w = run.ssim_weight;
+        let total = |part: ImageLoss| (1.0 - w) * part.l1 + w * (1.0 - part.ssim);
+        let name = |what: &str| match runs {
+            [_] => what.to_owned(),
+            _ => format!("{}, {what}", run.name),
+        };
+        let samples = &run.metrics.loss;
+        let real = means(samples, |s| Some(total(s.real)));
+        plot = plot.with(&name("photographs"), Style::Curve, real);
+        let virt = means(samples, |s| s.virt.map(total));
+        if !virt.is_empty() {
+            plot = plot.with(&name("virtual views"), Style::Curve, virt);
+        }
+    }
+    plot
+}
+
+fn size(runs: &[Trained]) -> Plot {
+    let mut plot = over_iterations("Size", "Gaussians");
+    for run in runs {
+        let sizes = run.metrics.model_size.iter();
+        let mut points: Vec<Point> = sizes
+            .map(|s| Point::new(s.iteration.into(), s.n_gaussians as f64))
+            .collect();
+        if let Some(last) = points.last() {
+            points.push(Point::new(run.metrics.iterations.into(), last.y));
+        }
+        plot = plot.with(label(runs, run), Style::Curve, points);
+    }
+    plot
+}
+
+fn quality(runs: &[Trained], measure: &str, value: Measure) -> Plot {
+    let mut plot = over_iterations("Test views", measure);
+    for run in runs {
+        let point = |p: &CurvePoint| Some(Point::new(p.iteration.into(), value(p)?));
+        let points = run.metrics.curve.iter().filter_map(point);
+        plot = plot.with(label(runs, run), Style::Curve, points.collect());
+    }
+    plot
+}
+
+/// Means over stretches of samples of one length, each at its stretch's end.
+fn means(samples: &[LossSample], value: impl Fn(&LossSample) -> Option<f64>) -> Vec<Point> {
+    let values: Vec<(u32, f64)> = samples
+        .iter()
+        .filter_map(|s| Some((s.iteration, value(s)?)))
+        .collect();
+    let stretch = values.len().div_ceil(MAX_POINTS).max(1);
+    let mean = |part: &[(u32, f64)]| {
+        let sum: f64 = part.iter().map(|(_, v)| v).sum();
+        Some(Point::new(part.last()?.0.into(), sum / part.len() as f64))
+    };
+    values.chunks(stretch).filter_map(mean).collect()
+}

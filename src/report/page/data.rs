@@ -1,0 +1,161 @@
+//! What the page's scripts read: cameras, the field on a grid, and how the Gaussians are packed.
+
+use glam::DVec3;
+use serde::Serialize;
+
+use super::super::plot::viridis;
+use super::packed::{PACKED_BYTES, SCALE_LOG};
+use super::picture::base64;
+use crate::camera::{Camera, Frame};
+use crate::compass::Compass;
+use crate::config::Config;
+use crate::error::Result;
+use crate::field::{Field, Focus};
+use crate::run::Metrics;
+
+/// Rows of the field's grid: 2 degrees each.
+const N_ROWS: usize = 90;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CameraKind {
+    Training,
+    Virtual,
+    Test,
+}
+
+#[derive(Debug, Serialize)]
+pub struct CameraData {
+    pub name: String,
+    pub kind: CameraKind,
+    /// Unit direction from the focus: front, right, up.
+    direction: [f32; 3],
+    /// Canonical frame.
+    eye: [f32; 3],
+    /// Rows of the world-to-camera rotation.
+    rotation: [[f32; 3]; 3],
+    /// Pixels, as are the sizes.
+    focal: [f32; 2],
+    size: [u32; 2],
+}
+
+/// A quantity on the grid, row by row from the zenith down, from azimuth -180 to the right.
+#[derive(Debug, Serialize)]
+struct Quantity {
+    name: &'static str,
+    unit: &'static str,
+    min: f64,
+    max: f64,
+    /// u8, base64: shares of the stretch from `min` to `max`.
+    values: String,
+}
+
+#[derive(Debug, Serialize)]
+pub struct PageData {
+    pub cameras: Vec<CameraData>,
+    n_rows: usize,
+    quantities: Vec<Quantity>,
+    /// 256 colours, RGB, base64.
+    palette: String,
+    background: [f64; 3],
+    near: f64,
+    /// Canonical frame.
+    up: [f32; 3],
+    scale_log: [f32; 2],
+    packed_bytes: usize,
+}
+
+impl PageData {
+    /// `cameras`: all of a run's, in the world; `frame`: its canonical one.
+    ///
+    /// # Errors
+    /// No camera of the run's is a training camera.
+    pub fn new(
+        cameras: &[Camera],
+        frame: &Frame,
+        config: &Config,
+        metrics: &Metrics,
+    ) -> Result<PageData> {
+        let scene = &metrics.scene;
+        let kind = |camera: &Camera| {
+            if scene.train_views.contains(&camera.name) {
+                CameraKind::Training
+            } else if scene.test_views.contains(&camera.name) {
+                CameraKind::Test
+            } else {
+                CameraKind::Virtual
+            }
+        };
+        let is_training = |camera: &&Camera| kind(camera) == CameraKind::Training;
+        let training: Vec<Camera> = cameras.iter().filter(is_training).cloned().collect();
+        let compass = Compass::of_cameras(&training, frame.center)?;
+        let focus = Focus {
+            center: frame.center,
+            radius: frame.radius,
+            fallback: None,
+        };
+        let field = Field::new(&training, &focus, &config.field);
+        let palette: Vec<u8> = (0..=255)
+            .flat_map(|i| viridis(f64::from(i) / 255.0))
+            .collect();
+        Ok(PageData {
+            cameras: cameras
+                .iter()
+                .map(|camera| camera_data(camera, kind(camera), frame, &compass))
+                .collect(),
+            n_rows: N_ROWS,
+            quantities: quantities(&field, &compass),
+            palette: base64(&palette),
+            background: config.model.background,
+            near: config.model.near,
+            up: compass.up().as_vec3().to_array(),
+            scale_log: [*SCALE_LOG.start(), *SCALE_LOG.end()],
+            packed_bytes: PACKED_BYTES,
+        })
+    }
+
+    pub fn n_cameras(&self, kind: CameraKind) -> usize {
+        self.cameras.iter().filter(|c| c.kind == kind).count()
+    }
+}
+
+fn camera_data(camera: &Camera, kind: CameraKind, frame: &Frame, compass: &Compass) -> CameraData {
+    let eye = frame.to_canonical(camera.center());
+    let direction = eye.try_normalize().unwrap_or(-camera.forward());
+    let row = |i: usize| camera.rotation.row(i).as_vec3().to_array();
+    CameraData {
+        name: camera.name.clone(),
+        kind,
+        direction: compass.local(direction).as_vec3().to_array(),
+        eye: eye.as_vec3().to_array(),
+        rotation: [row(0), row(1), row(2)],
+        focal: [camera.fx as f32, camera.fy as f32],
+        size: [camera.width, camera.height],
+    }
+}
+
+fn quantities(field: &Field, compass: &Compass) -> Vec<Quantity> {
+    let grid = compass.grid(N_ROWS);
+    let quantity = |name, unit, value: &dyn Fn(DVec3) -> f64| {
+        let values: Vec<f64> = grid.iter().map(|p| value(*p)).collect();
+        let min = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let max = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        // A flat field is all minimum.
+        let span = if max > min { max - min } else { 1.0 };
+        let shares = values
+            .iter()
+            .map(|v| (255.0 * (v - min) / span).round() as u8);
+        Quantity {
+            name,
+            unit,
+            min,
+            max,
+            values: base64(&shares.collect::<Vec<u8>>()),
+        }
+    };
+    vec![
+        quantity("U_total", "", &|p| field.u_total(p)),
+        quantity("U_info", "", &|p| field.u_info(p)),
+        quantity("U_conf", "degrees", &|p| field.u_conf(p).to_degrees()),
+    ]
+}

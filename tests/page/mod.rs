@@ -1,0 +1,132 @@
+//! `report.html`: what is in it, that names are escaped, and that it lives in a browser.
+
+mod browser;
+mod content;
+
+use std::path::Path;
+
+use glam::{DMat3, DVec3, Vec3};
+use gspotential::camera::{Camera, Frame};
+use gspotential::cameras_json::write_cameras;
+use gspotential::config::Config;
+use gspotential::gaussians::Gaussians;
+use gspotential::gaussians::ply::write_ply;
+use gspotential::report::{write_png, write_run_page};
+use gspotential::run::{
+    CurvePoint, Evaluation, ImageLoss, LossSample, Memory, Metrics, ModelSize, PoseProtocol,
+    RunDir, SceneRecord, Seconds, ViewScore, file_names,
+};
+use gspotential::scene::{Image, View};
+
+const SIZE: (u32, u32) = (60, 40);
+
+fn camera(name: &str, azimuth: f64) -> Camera {
+    let any = Camera {
+        name: String::new(),
+        width: SIZE.0,
+        height: SIZE.1,
+        fx: 60.0,
+        fy: 60.0,
+        cx: 30.0,
+        cy: 20.0,
+        rotation: DMat3::IDENTITY,
+        translation: DVec3::ZERO,
+    };
+    let eye = DVec3::new(azimuth.cos(), -0.3, azimuth.sin());
+    any.looking_at(name.to_owned(), eye, DVec3::ZERO, DVec3::NEG_Y)
+}
+
+fn plain(color: [u8; 3]) -> Image {
+    Image {
+        width: SIZE.0,
+        height: SIZE.1,
+        rgb: color.repeat((SIZE.0 * SIZE.1) as usize),
+    }
+}
+
+/// One opaque red ball at the focus.
+fn ball() -> Gaussians {
+    Gaussians {
+        means: vec![Vec3::ZERO],
+        scales_log: vec![Vec3::splat(0.1f32.ln())],
+        rotations_wxyz: vec![[1.0, 0.0, 0.0, 0.0]],
+        opacity_logits: vec![6.0],
+        sh: vec![1.7, -1.7, -1.7],
+        sh_degree: 0,
+    }
+}
+
+/// A finished run with one test view named `name`, and its page.
+fn run_with(root: &Path, name: &str) -> String {
+    let config = Config::preset("paper").unwrap();
+    let run = RunDir::create(root, &config, false).unwrap();
+    let cameras = [
+        camera("a.png", 0.0),
+        camera("b.png", 0.8),
+        camera(name, 0.4),
+        camera("virtual_000", 2.0),
+    ];
+    write_cameras(&run.cameras(), &cameras).unwrap();
+    write_ply(&run.point_cloud(), &ball(), &Frame::IDENTITY).unwrap();
+    write_png(&run.virtual_sheet(), &plain([90; 3])).unwrap();
+    let file = &file_names(&[name], "png")[0];
+    write_png(&run.test_views().join(file), &plain([200, 10, 10])).unwrap();
+    run.write_metrics(&metrics(name)).unwrap();
+    let score = ViewScore {
+        name: name.to_owned(),
+        psnr: Some(12.34),
+        ssim: Some(0.5),
+        lpips: None,
+        masked: None,
+    };
+    run.write_evaluation(&Evaluation::new(vec![score], 1, Some(7.0)))
+        .unwrap();
+    let test = View {
+        camera: cameras[2].clone(),
+        image: plain([10, 10, 200]),
+        mask: None,
+    };
+    write_run_page(&run, &[test], &Frame::IDENTITY).unwrap();
+    std::fs::read_to_string(run.report()).unwrap()
+}
+
+fn metrics(name: &str) -> Metrics {
+    let part = ImageLoss { l1: 0.1, ssim: 0.7 };
+    let sample = |iteration| LossSample {
+        iteration,
+        loss: 0.2,
+        real: part,
+        virt: Some(part),
+    };
+    let curve = |iteration, psnr| CurvePoint {
+        iteration,
+        n_gaussians: 1,
+        psnr: Some(psnr),
+        ssim: Some(0.5),
+    };
+    Metrics {
+        version: "0".to_owned(),
+        adapter: name.to_owned(),
+        seed: 0,
+        iterations: 20,
+        scene: SceneRecord {
+            source: name.to_owned(),
+            name: name.to_owned(),
+            train_views: vec!["a.png".to_owned(), "b.png".to_owned()],
+            test_views: vec![name.to_owned()],
+            cloud: None,
+            n_points: 1,
+            carved_points: None,
+            pose_protocol: PoseProtocol::SharedFrame,
+        },
+        seconds: Seconds::default(),
+        memory: Memory::default(),
+        loss: vec![sample(10), sample(20)],
+        model_size: vec![ModelSize {
+            iteration: 0,
+            n_gaussians: 1,
+            plan: None,
+        }],
+        curve: vec![curve(10, 11.0), curve(20, 12.34)],
+    }
+}
