@@ -12,8 +12,7 @@ struct Step {
     betas: vec4f,
     // 1 / (1 - beta1^t), 1 / sqrt(1 - beta2^t), epsilon, 0.
     corrections: vec4f,
-    // x: distance from the focus beyond which a Gaussian's geometry is frozen, y: upper bound of
-    // the others' log scales.
+    // x: distance from the focus beyond which a Gaussian's geometry is frozen.
     limits: vec4f,
     // Number of Gaussians, stride, 0, 0.
     counts: vec4u,
@@ -52,11 +51,6 @@ fn adam_geometry(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
         let index = plane * step.counts.y + id;
         update(index, source[index], select(step.rates[plane], vec4f(0.0), frozen));
     }
-    let index = step.counts.y + id;
-    let scales = parameters[index].xyz;
-    let largest = vec3f(step.limits.y);
-    let too_large = (scales > largest) & vec3<bool>(!frozen);
-    parameters[index] = vec4f(select(scales, largest, too_large), 0.0);
     let seen = screen[id];
     if (seen.y > 0.0) {
         let old = statistics[id];

@@ -181,10 +181,6 @@ pub struct ModelConfig {
     /// Upper bound of the initial scale (3-nearest-neighbour distance) as a multiple of the
     /// median over the cloud: isolated points would fog whole views.
     pub max_initial_scale_ratio: f64,
-    /// No Gaussian grows beyond the largest at the start: after every step each scale is at most
-    /// that. What no training view sees could otherwise grow without anything to stop it, and veil
-    /// a test view.
-    pub bound_scales: bool,
     /// Near plane, in `R`.
     pub near: f64,
     /// Background colour of renders, RGB in [0, 1].

@@ -81,7 +81,6 @@ fn own_preset_differs_from_the_paper_in_its_parts_alone() {
         "densify.enabled=false",
         "dropout.rate_end=0.2",
         "loss.fill_weight=0.3",
-        "model.bound_scales=true",
         "shell.count=500",
         "views.visibility.enabled=true",
     ];

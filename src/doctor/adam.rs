@@ -13,7 +13,7 @@ use crate::reference::cases::{Random, cameras, random_scene};
 use crate::reference::linalg::{Vec3, normalize, sub};
 use crate::reference::{sh, tolerance};
 use crate::render::{Capacity, Model, Workspace};
-use crate::train::optimizer::{Limits, Optimizer, StepUniform};
+use crate::train::optimizer::{Optimizer, StepUniform};
 use crate::train::schedule::mean_rate;
 
 const N: usize = 130;
@@ -146,37 +146,29 @@ impl Twin {
         }
     }
 
-    /// Puts back what a step may not change: `before` are the values before it.
-    fn keep_within(&mut self, limits: Limits, before: &[Vec<f64>; 5]) {
+    /// Puts back the geometry of what is frozen: `before` are the values before the step.
+    fn freeze(&mut self, frozen_beyond: f32, before: &[Vec<f64>; 5]) {
         for (i, mean) in before[0].chunks_exact(3).enumerate() {
             let distance = mean.iter().map(|x| x * x).sum::<f64>().sqrt();
-            let is_frozen = distance > f64::from(limits.frozen_beyond);
-            for (class, width) in [3, 1, 3, 4].into_iter().enumerate() {
-                let own = i * width..(i + 1) * width;
-                if is_frozen {
+            if distance > f64::from(frozen_beyond) {
+                for (class, width) in [3, 1, 3, 4].into_iter().enumerate() {
+                    let own = i * width..(i + 1) * width;
                     self.values[class][own.clone()].copy_from_slice(&before[class][own]);
-                } else if class == 2 {
-                    for scale in &mut self.values[2][own] {
-                        *scale = scale.min(f64::from(limits.max_scale_log));
-                    }
                 }
             }
         }
     }
 }
 
-/// Limits that about half of the Gaussians reach, each.
-pub const TIGHT: Limits = Limits {
-    frozen_beyond: 0.635,
-    max_scale_log: -2.625,
-};
+/// Distance that about half of the Gaussians lie beyond.
+pub const FROZEN_BEYOND: f32 = 0.635;
 
-/// Steps a model of degree `stored`, the active degree rising to it, over one view or two, within
-/// `limits`.
+/// Steps a model of degree `stored`, the active degree rising to it, over one view or two, the
+/// geometry beyond `frozen_beyond` staying as it is.
 ///
 /// # Errors
 /// A GPU fault, or a case that the adapter cannot hold.
-pub fn examine(ctx: &Context, stored: u32, n_views: usize, limits: Limits) -> Result<Findings> {
+pub fn examine(ctx: &Context, stored: u32, n_views: usize, frozen_beyond: f32) -> Result<Findings> {
     let gpu = &ctx.gpu;
     let config = config()?;
     let case = random_scene(N, stored as usize, 80 + u64::from(stored));
@@ -202,23 +194,23 @@ pub fn examine(ctx: &Context, stored: u32, n_views: usize, limits: Limits) -> Re
             backward.d_color.write(gpu, &drawn.color);
             backward.screen.write(gpu, &vec![[0.0_f32; 2]; stride]);
         }
-        let step = StepUniform::new(&config, iteration, EXTENT, &CENTERS[..n_views]).within(limits);
+        let step =
+            StepUniform::new(&config, iteration, EXTENT, &CENTERS[..n_views]).within(frozen_beyond);
         let mut commands = Commands::new(gpu);
         optimizer.step(gpu, &ctx.optimizer, &groups, &mut commands, (step, degree));
         commands.submit();
         let gradients = drawn.gradients(&twin.values[0], n_views, degree, n_sh);
         let before = twin.values.clone();
         twin.step(&config, iteration, n_sh, &gradients);
-        twin.keep_within(limits, &before);
+        twin.freeze(frozen_beyond, &before);
     }
 
-    let limited = if limits == Limits::NONE {
-        ""
-    } else {
-        ", limited"
+    let frozen = match frozen_beyond.is_finite() {
+        true => ", some frozen",
+        false => "",
     };
     let mut out = Findings::of(format!(
-        "degree {stored}, {n_views} views, {STEPS} steps{limited}"
+        "degree {stored}, {n_views} views, {STEPS} steps{frozen}"
     ));
     let download = |model: &Model| Ok(numbers(&model.download(gpu)?));
     let ours = download(&optimizer.model)?;

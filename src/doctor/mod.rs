@@ -35,7 +35,6 @@ use self::timing::Timing;
 use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::train::optimizer::Limits;
 
 /// What the doctor has found on an adapter.
 #[derive(Clone, Debug, Serialize)]
@@ -114,7 +113,7 @@ pub fn examine_kernels(ctx: &Context) -> Result<Vec<Finding>> {
     }
     for degree in 0..4 {
         for n_views in [1, 2] {
-            findings.extend(adam::examine(ctx, degree, n_views, Limits::NONE)?.list);
+            findings.extend(adam::examine(ctx, degree, n_views, f32::INFINITY)?.list);
         }
         // Fewer, within the room that there is, and more.
         for len in [40, 170, 333] {
@@ -123,7 +122,7 @@ pub fn examine_kernels(ctx: &Context) -> Result<Vec<Finding>> {
             findings.extend(changes::examine_rearrange(ctx, &plan, sizes, degree)?.list);
         }
     }
-    findings.extend(adam::examine(ctx, 1, 2, adam::TIGHT)?.list);
+    findings.extend(adam::examine(ctx, 1, 2, adam::FROZEN_BEYOND)?.list);
     findings.extend(changes::examine_reset(ctx, 70)?.list);
     Ok(findings)
 }

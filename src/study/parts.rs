@@ -42,7 +42,7 @@ const fn part(
 const DENSIFY: &[&str] = &["densify.enabled"];
 
 /// Virtual views are the first: those about them are added to it.
-const PARTS: [Part; 7] = [
+const PARTS: [Part; 6] = [
     part("virtual views", "views", &["views.count"], false),
     part(
         "visibility-weighted potential",
@@ -54,7 +54,6 @@ const PARTS: [Part; 7] = [
     part("carving", "carve", &["carve.enabled"], false),
     part("dropout", "dropout", &["dropout.rate_end"], false),
     part("far shell", "shell", &["shell.count"], false),
-    part("bounded scales", "bounds", &["model.bound_scales"], false),
 ];
 
 impl Part {

@@ -39,23 +39,6 @@ impl OptimizerKernels {
     }
 }
 
-/// What steps and resets leave as it is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
-    /// Gaussians farther from the focus learn colour alone: those of the far shell.
-    pub frozen_beyond: f32,
-    /// Upper bound of the other Gaussians' log scales.
-    pub max_scale_log: f32,
-}
-
-impl Limits {
-    /// Nothing is left as it is.
-    pub const NONE: Limits = Limits {
-        frozen_beyond: f32::INFINITY,
-        max_scale_log: f32::INFINITY,
-    };
-}
-
 /// One Adam step; `Step` in `adam.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -90,7 +73,7 @@ impl StepUniform {
                 o.epsilon as f32,
                 0.0,
             ],
-            limits: [f32::INFINITY, f32::INFINITY, 0.0, 0.0],
+            limits: [f32::INFINITY, 0.0, 0.0, 0.0],
             counts: [0; 4],
         };
         for (slot, &[x, y, z]) in step.centers.iter_mut().zip(centers) {
@@ -99,9 +82,10 @@ impl StepUniform {
         step
     }
 
-    /// The same step within `limits`.
-    pub fn within(mut self, limits: Limits) -> StepUniform {
-        self.limits = [limits.frozen_beyond, limits.max_scale_log, 0.0, 0.0];
+    /// The same step for Gaussians up to this distance from the focus; those beyond learn colour
+    /// alone.
+    pub fn within(mut self, frozen_beyond: f32) -> StepUniform {
+        self.limits[0] = frozen_beyond;
         self
     }
 }

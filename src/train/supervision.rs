@@ -54,3 +54,12 @@ pub struct Supervision {
     /// The far shell, where the Gaussians have one.
     pub shell: Option<Shell>,
 }
+
+impl Supervision {
+    /// Gaussians farther than this from the focus learn colour alone, and neither come nor go:
+    /// those of the far shell.
+    pub fn frozen_beyond(&self) -> f32 {
+        let shell = self.shell;
+        shell.map_or(f32::INFINITY, |shell| shell.inner_radius() as f32)
+    }
+}

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::optimizer::{Limits, Optimizer, OptimizerKernels, StepUniform};
+use super::optimizer::{Optimizer, OptimizerKernels, StepUniform};
 use super::policy::{self, Surroundings};
 use super::schedule::{self, ViewOrder};
 use super::supervision::{Supervision, TrainingView};
@@ -107,7 +107,6 @@ pub struct Trainer<'a> {
     workspace: Workspace,
     bound: Bound,
     adam: Vec<Vec<wgpu::BindGroup>>,
-    limits: Limits,
     /// Number of finished iterations, where the run starts or has last been kept.
     pub(super) done: u32,
     pub(super) samples: Vec<LossSample>,
@@ -160,7 +159,6 @@ impl<'a> Trainer<'a> {
             workspace,
             bound,
             adam,
-            limits: limits(start, supervision, config),
             done: 0,
             samples: Vec::new(),
             plans: Vec::new(),
@@ -272,7 +270,7 @@ impl<'a> Trainer<'a> {
             centers.push([x, y, z]);
         }
         let step = StepUniform::new(config, iteration, self.supervision.extent, &centers)
-            .within(self.limits);
+            .within(self.supervision.frozen_beyond());
         let kernels = &self.optimizer_kernels;
         self.optimizer
             .step(self.gpu, kernels, &self.adam, &mut commands, (step, degree));
@@ -337,7 +335,7 @@ impl<'a> Trainer<'a> {
             let surroundings = Surroundings {
                 coverage: &self.supervision.coverage,
                 extent: self.supervision.extent,
-                frozen_beyond: self.limits.frozen_beyond,
+                frozen_beyond: self.supervision.frozen_beyond(),
             };
             let plan = policy::plan(&gathered, config, &surroundings, done);
             self.optimizer
@@ -356,7 +354,7 @@ impl<'a> Trainer<'a> {
                 self.gpu,
                 &self.optimizer_kernels,
                 RESET_OPACITY,
-                self.limits.frozen_beyond,
+                self.supervision.frozen_beyond(),
             );
         }
         Ok(())
@@ -401,22 +399,5 @@ impl<'a> Trainer<'a> {
         self.adam = self
             .optimizer
             .bind(self.gpu, &self.optimizer_kernels, &self.workspace);
-    }
-}
-
-/// The shell is frozen; where the config bounds scales, it is by the others' largest at the start.
-fn limits(start: &Gaussians, supervision: &Supervision, config: &Config) -> Limits {
-    let shell = supervision.shell;
-    let frozen_beyond = shell.map_or(f32::INFINITY, |shell| shell.inner_radius() as f32);
-    let own = start.means.iter().zip(&start.scales_log);
-    let own = own.filter(|(mean, _)| mean.length() <= frozen_beyond);
-    let largest = own.map(|(_, scale)| scale.max_element());
-    Limits {
-        frozen_beyond,
-        max_scale_log: if config.model.bound_scales {
-            largest.fold(f32::MIN, f32::max)
-        } else {
-            f32::INFINITY
-        },
     }
 }

@@ -100,21 +100,6 @@ fn masks_may_be_empty_full_or_one_pixel() {
 }
 
 #[test]
-fn bounded_scales_stay_below_the_largest_at_the_start() {
-    let start = ball(80);
-    let largest = |g: &Gaussians| {
-        let scales = g.scales_log.iter().map(|s| s.max_element());
-        scales.fold(f32::MIN, f32::max)
-    };
-    let mut config = config(60);
-    let free = trained("free", &start, &noise_supervision(&camera()), &config);
-    assert!(largest(&free.gaussians) > largest(&start) + 0.05);
-    config.model.bound_scales = true;
-    let bounded = trained("bounded", &start, &noise_supervision(&camera()), &config);
-    assert_eq!(largest(&bounded.gaussians), largest(&start));
-}
-
-#[test]
 fn gaussians_that_no_view_sees_stay_as_they_are() {
     let mut start = ball(50);
     start.means.iter_mut().for_each(|m| m.z -= 10.0);
