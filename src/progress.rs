@@ -234,6 +234,10 @@ impl State {
                 let detail = self.detail();
                 format!("{done}/{total}  {per_second:.1} it/s  {detail}  {left} left")
             }
+            None if done == total => {
+                let taken = short_time(pace.start.elapsed().as_secs_f64());
+                format!("{stage}: {done} done in {taken}")
+            }
             None => format!("{stage}: {done}/{total}  {left} left"),
         }
     }

@@ -4,6 +4,7 @@ use glam::{DVec3, Vec3, dvec3};
 use gspotential::camera::Frame;
 use gspotential::config::ModelConfig;
 use gspotential::gaussians::Gaussians;
+use gspotential::gaussians::splat::write_splat;
 use gspotential::scene::PointCloud;
 
 use crate::gaussians_ply::distinct;
@@ -222,4 +223,39 @@ fn opacities_follow_the_confidence_where_asked() {
     );
     points.confidence = None;
     assert_eq!(opacities(&points, &config), plain);
+}
+
+/// Value by value as viewers read the format, from another model than the writer's.
+#[test]
+fn splat_files_hold_what_is_drawn_heaviest_first() {
+    let gaussians = Gaussians {
+        means: vec![Vec3::ONE, Vec3::new(1.0, -2.0, 3.5), Vec3::NAN],
+        scales_log: vec![Vec3::splat(-3.0), Vec3::new(0.0, 1.0, -1.0), Vec3::ZERO],
+        rotations_wxyz: vec![[2.0, 0.0, 0.0, 0.0], [-1.0, 1.0, -1.0, 1.0], [1.0; 4]],
+        opacity_logits: vec![0.0, 2.0, 5.0],
+        sh: [[9.0, 0.0, -9.0], [0.0, 0.5, -0.5], [0.0; 3]].concat(),
+        sh_degree: 0,
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.splat");
+    assert_eq!(write_splat(&path, &gaussians).unwrap(), 2);
+    let bytes = std::fs::read(&path).unwrap();
+    assert_eq!(bytes.len(), 64);
+    let floats = |at: usize| -> Vec<f32> {
+        let words = bytes[at..at + 24].chunks_exact(4);
+        words
+            .map(|word| f32::from_le_bytes(word.try_into().unwrap()))
+            .collect()
+    };
+    let e = std::f32::consts::E;
+    assert_eq!(floats(0)[..3], [1.0, -2.0, 3.5]);
+    for (scale, expected) in floats(0)[3..].iter().zip([1.0, e, 1.0 / e]) {
+        assert!((scale / expected - 1.0).abs() < 1e-6);
+    }
+    // 255 (0.5 + 0.28209 k) for k of 0 and +-0.5, and 255 / (1 + exp(-2)).
+    assert_eq!(bytes[24..28], [128, 163, 92, 225]);
+    // The same rotation with w of 0.5: 128 + 64, 128 - 64.
+    assert_eq!(bytes[28..32], [192, 64, 192, 64]);
+    assert_eq!(floats(32)[..3], [1.0; 3]);
+    assert_eq!(bytes[56..64], [255, 128, 0, 128, 255, 128, 128, 128]);
 }

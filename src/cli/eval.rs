@@ -91,7 +91,7 @@ impl EvalArgs {
             write_file(path, &runs_csv(&compared)?)?;
         }
         if let Some(path) = &self.html {
-            pipeline::compare(&runs, path)?;
+            pipeline::compare(&runs.iter().collect::<Vec<_>>(), path)?;
             log::info!("wrote {}", path.display());
         }
         Ok(())

@@ -100,7 +100,7 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
 ///
 /// # Errors
 /// A scene that is no longer as a run was trained on it, or a file that cannot be read.
-pub fn compare(runs: &[RunDir], path: &Path) -> Result<()> {
+pub fn compare(runs: &[&RunDir], path: &Path) -> Result<()> {
     let mut scenes: Vec<SceneRuns> = Vec::new();
     for run in runs {
         let (config, metrics) = (run.config()?, run.metrics()?);

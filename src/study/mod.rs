@@ -27,6 +27,8 @@ use plan::{Base, Variant, check_names};
 use runs::{Planned, Results, carry_out};
 
 use crate::error::{Error, Result};
+use crate::pipeline;
+use crate::run::RunDir;
 
 /// The studies that there are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -114,7 +116,14 @@ pub fn run(name: StudyName, options: &Options) -> Result<String> {
     let plan = plan(study, options)?;
     let results = carry_out(&plan, &options.measure)?;
     let report = study.report(&results)?;
-    output::write(name, study.question(), options, &results, &report)
+    let text = output::write(name, study.question(), options, &results, &report)?;
+    let runs: Vec<&RunDir> = results.runs.iter().map(|finished| &finished.run).collect();
+    let page = options.out.join(format!("{}.html", name.name()));
+    // Its pictures need the scenes, which a study that is done does not.
+    if let Err(e) = pipeline::compare(&runs, &page) {
+        log::warn!("{} is not written: {e}", page.display());
+    }
+    Ok(text)
 }
 
 /// The runs of a study with what there is of each.

@@ -5,14 +5,20 @@ use std::path::Path;
 use std::process::Command;
 
 use super::content::HOSTILE;
-use super::run_with;
+use super::{PRINCIPAL, SIZE, run_with};
 
-/// Before the page's own scripts: counts errors, and has frames without a screen.
+/// Before the page's own scripts: counts errors, has frames without a screen, and writes down what
+/// was found.
 const BEFORE: &str = r#"<script>
 window.problems = [];
 window.addEventListener("error", (e) => problems.push(String(e.message)));
 console.error = (...args) => problems.push(args.join(" "));
 window.requestAnimationFrame = (f) => setTimeout(() => f(performance.now()), 10);
+function report(found) {
+  const element = document.createElement("pre");
+  element.textContent = `found:${btoa(unescape(encodeURIComponent(JSON.stringify(found))))}:found`;
+  document.body.append(element);
+}
 </script>"#;
 
 /// After them: moves what can be moved and writes down what came of it.
@@ -32,6 +38,18 @@ const centre = (id) => {
   const at = 4 * (width * Math.floor(height / 2) + Math.floor(width / 2));
   return Array.from(all.slice(at, at + 3));
 };
+// Where red is, as shares of width and height.
+const middle = (id) => {
+  const all = pixels(id);
+  const { width, height } = document.getElementById(id);
+  let [x, y, sum] = [0, 0, 0];
+  for (let i = 0; i < width * height; i++) {
+    x += all[4 * i] * (i % width + 0.5) / width;
+    y += all[4 * i] * (Math.floor(i / width) + 0.5) / height;
+    sum += all[4 * i];
+  }
+  return [x / sum, y / sum];
+};
 setTimeout(() => {
   const compare = document.querySelector(".compare");
   const cut = () => getComputedStyle(compare.querySelectorAll("img")[1]).clipPath;
@@ -42,6 +60,7 @@ setTimeout(() => {
   found.cut_after = cut();
 
   found.scene_centre = centre("scene");
+  found.ball = middle("scene");
   found.scene_corner = Array.from(pixels("scene").slice(0, 3));
   const globe = pixels("globe").join();
   const key = new KeyboardEvent("keydown", { key: "ArrowLeft" });
@@ -59,9 +78,7 @@ setTimeout(() => {
   for (let i = 0; i < 30; i++) scene.dispatchEvent(new WheelEvent("wheel", { deltaY: -100 }));
   setTimeout(() => {
     found.scene_near = Array.from(pixels("scene").slice(0, 3));
-    const report = document.createElement("pre");
-    report.textContent = `found:${btoa(unescape(encodeURIComponent(JSON.stringify(found))))}:found`;
-    document.body.append(report);
+    report(found);
   }, 500);
 }, 500);
 </script>"##;
@@ -76,15 +93,20 @@ fn browser() -> Option<String> {
     named.into_iter().chain(known).find(answers)
 }
 
-/// Opens `page` with the probes around its scripts and returns what they found; None without a
+/// Whether a page has met with no problem so far.
+pub fn is_as_opened(found: &serde_json::Value) -> bool {
+    found["problems"] == serde_json::json!([])
+}
+
+/// Opens `page` with `after` behind its scripts and returns what that reports; None without a
 /// browser.
-fn open(folder: &Path, page: &str) -> Option<serde_json::Value> {
+pub fn found_in(folder: &Path, page: &str, after: &str) -> Option<serde_json::Value> {
     let Some(browser) = browser() else {
         eprintln!("no Chromium here: the page is not opened");
         return None;
     };
     let probed = page.replacen("<title>", &format!("{BEFORE}<title>"), 1);
-    let probed = probed.replacen("</body>", &format!("{AFTER}</body>"), 1);
+    let probed = probed.replacen("</body>", &format!("{after}</body>"), 1);
     let path = folder.join("probed.html");
     std::fs::write(&path, probed).unwrap();
     let output = Command::new(browser)
@@ -123,10 +145,10 @@ fn open(folder: &Path, page: &str) -> Option<serde_json::Value> {
 fn the_page_lives_in_a_browser() {
     let folder = tempfile::tempdir().unwrap();
     let page = run_with(&folder.path().join("run"), HOSTILE);
-    let Some(found) = open(folder.path(), &page) else {
+    let Some(found) = found_in(folder.path(), &page, AFTER) else {
         return;
     };
-    assert_eq!(found["problems"], serde_json::json!([]));
+    assert!(is_as_opened(&found), "{found}");
     assert_eq!(found["cut_before"], "inset(0px 0px 0px 50%)");
     assert_eq!(found["cut_after"], "inset(0px 0px 0px 80%)");
     // The ball is red, nothing is around it, and near enough it fills the view.
@@ -135,6 +157,15 @@ fn the_page_lives_in_a_browser() {
     assert!(is_red(color("scene_centre")), "{found}");
     assert_eq!(color("scene_corner"), [0, 0, 0]);
     assert!(is_red(color("scene_near")), "{found}");
+    // The focus is seen where the camera's axis meets the image.
+    let expected = [
+        PRINCIPAL.0 / f64::from(SIZE.0),
+        PRINCIPAL.1 / f64::from(SIZE.1),
+    ];
+    for (i, expected) in expected.iter().enumerate() {
+        let share = found["ball"][i].as_f64().unwrap();
+        assert!((share - expected).abs() < 0.003, "{found}");
+    }
     assert_eq!(found["globe_turns"], true);
     assert_eq!(found["map_changes"], true);
     let cameras = found["cameras"].as_array().unwrap();
@@ -150,8 +181,8 @@ fn a_broken_page_is_found_out() {
     let page = run_with(&folder.path().join("run"), "t.png");
     let broken = page.replacen("\"quantities\":", "\"nothing\":", 1);
     assert_ne!(page, broken);
-    let Some(found) = open(folder.path(), &broken) else {
+    let Some(found) = found_in(folder.path(), &broken, AFTER) else {
         return;
     };
-    assert_ne!(found["problems"], serde_json::json!([]));
+    assert!(!is_as_opened(&found));
 }

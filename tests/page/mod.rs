@@ -1,6 +1,7 @@
 //! `report.html`: what is in it, that names are escaped, and that it lives in a browser.
 
 mod browser;
+mod comparison;
 mod content;
 
 use std::path::Path;
@@ -20,6 +21,9 @@ use gspotential::scene::{Image, View};
 
 const SIZE: (u32, u32) = (60, 40);
 
+/// Not the centre.
+const PRINCIPAL: (f64, f64) = (33.0, 18.0);
+
 fn camera(name: &str, azimuth: f64) -> Camera {
     let any = Camera {
         name: String::new(),
@@ -27,8 +31,8 @@ fn camera(name: &str, azimuth: f64) -> Camera {
         height: SIZE.1,
         fx: 60.0,
         fy: 60.0,
-        cx: 30.0,
-        cy: 20.0,
+        cx: PRINCIPAL.0,
+        cy: PRINCIPAL.1,
         rotation: DMat3::IDENTITY,
         translation: DVec3::ZERO,
     };
@@ -56,14 +60,28 @@ fn ball() -> Gaussians {
     }
 }
 
-/// A finished run with one test view named `name`, and its page.
+/// The page of a finished run with one test view named `name`.
 fn run_with(root: &Path, name: &str) -> String {
+    std::fs::read_to_string(finished(root, name).report()).unwrap()
+}
+
+/// The photograph at the test view.
+fn photograph(name: &str) -> View {
+    View {
+        camera: camera(name, 0.4),
+        image: plain([10, 10, 200]),
+        mask: None,
+    }
+}
+
+/// A finished run with one test view named `name`, and its page in it.
+fn finished(root: &Path, name: &str) -> RunDir {
     let config = Config::preset("paper").unwrap();
     let run = RunDir::create(root, &config, false).unwrap();
     let cameras = [
         camera("a.png", 0.0),
         camera("b.png", 0.8),
-        camera(name, 0.4),
+        photograph(name).camera,
         camera("virtual_000", 2.0),
     ];
     write_cameras(&run.cameras(), &cameras).unwrap();
@@ -81,13 +99,8 @@ fn run_with(root: &Path, name: &str) -> String {
     };
     run.write_evaluation(&Evaluation::new(vec![score], 1, Some(7.0)))
         .unwrap();
-    let test = View {
-        camera: cameras[2].clone(),
-        image: plain([10, 10, 200]),
-        mask: None,
-    };
-    write_run_page(&run, &[test], &Frame::IDENTITY).unwrap();
-    std::fs::read_to_string(run.report()).unwrap()
+    write_run_page(&run, &[photograph(name)], &Frame::IDENTITY).unwrap();
+    run
 }
 
 fn metrics(name: &str) -> Metrics {

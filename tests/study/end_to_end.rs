@@ -93,6 +93,11 @@ fn every_study_reports_in_text_numbers_and_pictures_and_trains_nothing_twice() {
         assert_eq!(begun, n_new, "{name}: {log}");
         let markdown = fs::read_to_string(out.join(format!("{name}.md"))).unwrap();
         assert_eq!(report, markdown, "{name}");
+        let page = fs::read_to_string(out.join(format!("{name}.html"))).unwrap();
+        let runs = json(&out.join(format!("{name}.json")))["runs"].clone();
+        for run in runs.as_array().unwrap() {
+            assert!(page.contains(run.as_str().unwrap()), "{name}: {run}");
+        }
         for part in [
             &format!("# {name}\n"),
             "3 iterations, seed 4, scene.n_test=6",

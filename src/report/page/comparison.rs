@@ -6,7 +6,7 @@ use maud::{Markup, PreEscaped, html};
 use serde::Serialize;
 
 use super::curves::{self, Trained};
-use super::picture::{Picture, picture, side_of};
+use super::picture::{MAX_PIXELS, Picture, picture, side_of};
 use super::{document, json, table};
 use crate::error::{Result, write_file};
 use crate::report::table::figure;
@@ -14,8 +14,15 @@ use crate::report::{Table, read_png};
 use crate::run::{Evaluation, Metrics, RunDir, SceneRecord, file_names};
 use crate::scene::View;
 
-/// Most test views of a scene, evenly over all of them: a run's own page has the rest.
+/// Most test views of a scene, evenly over all of them: a run's own page has the rest. With many
+/// runs there are fewer, so that they stay large enough to see.
 const MAX_VIEWS: usize = 12;
+
+/// Longer side that pictures should have for that, pixels.
+const WANTED_SIDE: u32 = 240;
+
+/// Most runs of a scene whose curves are drawn: that many colours can be told apart.
+const MAX_CURVES: usize = 8;
 
 const SCRIPTS: [&str; 2] = [include_str!("compare.js"), include_str!("comparison.js")];
 
@@ -50,9 +57,12 @@ struct Choices<'a> {
 impl SceneRuns {
     /// A scene with its test views; about `n_runs` runs are going to share the page.
     pub fn new(scene: &SceneRecord, test: &[View], n_runs: usize) -> Result<SceneRuns> {
-        let n_shown = test.len().min(MAX_VIEWS);
+        let room = (MAX_PIXELS / WANTED_SIDE.pow(2)) as usize / n_runs.max(1);
+        let n_shown = test.len().min(room.clamp(1, MAX_VIEWS));
         let shown: Vec<usize> = (0..n_shown).map(|i| i * test.len() / n_shown).collect();
-        let side = side_of(n_shown * n_runs);
+        let side = test
+            .first()
+            .map_or(0, |view| side_of(n_shown * n_runs, &view.image));
         let photographs = shown.iter().map(|&i| picture(&test[i].image, side));
         Ok(SceneRuns {
             scene: scene.clone(),
@@ -141,7 +151,10 @@ impl SceneRuns {
                 ssim_weight: run.ssim_weight,
             })
             .collect();
-        let plots = curves::plots(&trained)?;
+        let plots = match trained.len() {
+            ..=MAX_CURVES => curves::plots(&trained)?,
+            _ => Vec::new(),
+        };
         Ok(html! {
             section.comparison {
                 h2 { (self.scene.name) }
@@ -149,6 +162,9 @@ impl SceneRuns {
                     (self.scene.source) ": means over " (self.scene.test_views.len()) " test views."
                 }
                 (table(&self.table()))
+                @if plots.is_empty() {
+                    p.quiet { "Curves are drawn of at most " (MAX_CURVES) " runs." }
+                }
                 div.plots { @for plot in &plots { div { (PreEscaped(plot)) } } }
                 @if !self.shown.is_empty() { (self.pictures()?) }
             }

@@ -43,20 +43,24 @@ fn label<'a>(runs: &[Trained<'a>], run: &Trained<'a>) -> &'a str {
 }
 
 fn loss(runs: &[Trained]) -> Plot {
-    let mut plot = over_iterations("Loss", "(1 - w) L1 + w (1 - SSIM)");
+    let title = if runs.len() == 1 {
+        "Loss"
+    } else {
+        "Loss of the photographs"
+    };
+    let mut plot = over_iterations(title, "(1 - w) L1 + w (1 - SSIM)");
     for run in runs {
         let w = run.ssim_weight;
         let total = |part: ImageLoss| (1.0 - w) * part.l1 + w * (1.0 - part.ssim);
-        let name = |what: &str| match runs {
-            [_] => what.to_owned(),
-            _ => format!("{}, {what}", run.name),
-        };
         let samples = &run.metrics.loss;
         let real = means(samples, |s| Some(total(s.real)));
-        plot = plot.with(&name("photographs"), Style::Curve, real);
         let virt = means(samples, |s| s.virt.map(total));
-        if !virt.is_empty() {
-            plot = plot.with(&name("virtual views"), Style::Curve, virt);
+        // That of virtual views says nothing from run to run: each has its own.
+        let alone = runs.len() == 1;
+        let name = if alone { "photographs" } else { run.name };
+        plot = plot.with(name, Style::Curve, real);
+        if alone && !virt.is_empty() {
+            plot = plot.with("virtual views", Style::Curve, virt);
         }
     }
     plot

@@ -36,6 +36,8 @@ pub struct CameraData {
     rotation: [[f32; 3]; 3],
     /// Pixels, as are the sizes.
     focal: [f32; 2],
+    /// The principal point, from the image's centre.
+    principal: [f32; 2],
     size: [u32; 2],
 }
 
@@ -130,6 +132,10 @@ fn camera_data(camera: &Camera, kind: CameraKind, frame: &Frame, compass: &Compa
         eye: eye.as_vec3().to_array(),
         rotation: [row(0), row(1), row(2)],
         focal: [camera.fx as f32, camera.fy as f32],
+        principal: [
+            (camera.cx - 0.5 * f64::from(camera.width)) as f32,
+            (camera.cy - 0.5 * f64::from(camera.height)) as f32,
+        ],
         size: [camera.width, camera.height],
     }
 }

@@ -15,8 +15,11 @@ const JPEG_QUALITY: u8 = 80;
 /// Longer side of a test view's pictures, pixels, where there are few.
 const MAX_SIDE: u32 = 480;
 
-/// Most pixels of all pictures of one kind together: some 0.7 MB.
-const MAX_PIXELS: u32 = 3_000_000;
+/// The same where there are many.
+const MIN_SIDE: u32 = 64;
+
+/// Most pixels of all pictures of one kind together: some 0.6 MB of photographs, 1.1 MB of error maps.
+pub const MAX_PIXELS: u32 = 2_000_000;
 
 /// Mean error of the channels that takes the last colour of the map, of 1.
 pub const MAX_ERROR: f64 = 0.25;
@@ -34,10 +37,12 @@ pub struct Picture {
     pub uri: String,
 }
 
-/// Longer side of each of `n` pictures so that they keep the page small, pixels.
-pub fn side_of(n: usize) -> u32 {
+/// Longer side of each of `n` pictures shaped like `image` so that they keep the page small, pixels.
+pub fn side_of(n: usize, image: &Image) -> u32 {
+    let (width, height) = (f64::from(image.width), f64::from(image.height));
     let each = f64::from(MAX_PIXELS) / n.max(1) as f64;
-    MAX_SIDE.min(each.sqrt() as u32).max(64)
+    let side = (each * width.max(height) / width.min(height)).sqrt();
+    MAX_SIDE.min(side as u32).max(MIN_SIDE)
 }
 
 /// `image` as a JPEG whose longer side is at most `side` pixels.

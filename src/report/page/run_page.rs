@@ -53,7 +53,10 @@ pub fn write_run_page(run: &RunDir, test: &[View], frame: &Frame) -> Result<()> 
     let gaussians = read_ply(&run.point_cloud())?;
     let n_gaussians = gaussians.len();
     let packed = pack(&gaussians.to_canonical(frame), MAX_PACKED);
-    let views = page_views(run, test, &evaluation)?;
+    let side = test
+        .first()
+        .map_or(0, |view| side_of(test.len(), &view.image));
+    let views = page_views(run, (test, side), &evaluation)?;
     let sheet = match data.n_cameras(CameraKind::Virtual) {
         0 => None,
         _ => Some(picture(&read_png(&run.virtual_sheet())?, SHEET_SIDE)?),
@@ -66,7 +69,7 @@ pub fn write_run_page(run: &RunDir, test: &[View], frame: &Frame) -> Result<()> 
     let body = html! {
         (head(&run.name(), &config, &metrics, &evaluation))
         (scene_section(packed.len() / PACKED_BYTES, n_gaussians))
-        @if !views.is_empty() { (view_section(&views)) }
+        @if !views.is_empty() { (view_section(&views, side)) }
         (field_section(&data))
         @if let Some(sheet) = &sheet { (virtual_section(sheet, &data)) }
         h2 { "Training" }
@@ -85,12 +88,11 @@ pub fn write_run_page(run: &RunDir, test: &[View], frame: &Frame) -> Result<()> 
 
 fn page_views<'a>(
     run: &RunDir,
-    test: &[View],
+    (test, side): (&[View], u32),
     evaluation: &'a Evaluation,
 ) -> Result<Vec<PageView<'a>>> {
     let names: Vec<&str> = test.iter().map(|view| view.camera.name.as_str()).collect();
     let files = file_names(&names, "png");
-    let side = side_of(test.len());
     test.par_iter()
         .zip(&files)
         .zip(&evaluation.views)
@@ -148,13 +150,13 @@ fn scene_section(n_shown: usize, n_gaussians: usize) -> Markup {
     }
 }
 
-fn view_section(views: &[PageView]) -> Markup {
+fn view_section(views: &[PageView], side: u32) -> Markup {
     html! {
         h2 { "Renders beside photographs" }
         p.quiet {
             "Left of the slider the render, right of it the photograph. Beside them the mean "
             "absolute error of the channels, from 0 (dark) to " (MAX_ERROR) " and more (yellow). "
-            "Pictures are JPEGs of at most " (side_of(views.len())) " pixels."
+            "Pictures are JPEGs of at most " (side) " pixels."
         }
         div.views { @for view in views { (view_figure(view)) } }
     }

@@ -38,7 +38,7 @@
   gl.useProgram(program);
   const uniform = (name) => gl.getUniformLocation(program, name);
   const places = {};
-  for (const name of ["rotation", "eye", "focal", "size", "near", "scale_log"]) {
+  for (const name of ["rotation", "eye", "focal", "principal", "size", "near", "scale_log"]) {
     places[name] = uniform(name);
   }
   const TEXELS = 1024;
@@ -148,6 +148,7 @@
     gl.uniformMatrix3fv(places.rotation, true, pose.rotation.flat());
     gl.uniform3fv(places.eye, pose.eye);
     gl.uniform2f(places.focal, fit * focal.focal[0], fit * focal.focal[1]);
+    gl.uniform2f(places.principal, fit * focal.principal[0], fit * focal.principal[1]);
     gl.uniform2f(places.size, width, height);
     gl.uniform1f(places.near, data.near);
     gl.uniform2fv(places.scale_log, data.scale_log);

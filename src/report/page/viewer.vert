@@ -6,6 +6,7 @@ uniform highp usampler2D gaussians;
 uniform mat3 rotation;
 uniform vec3 eye;
 uniform vec2 focal;
+uniform vec2 principal;
 uniform vec2 size;
 uniform float near;
 uniform vec2 scale_log;
@@ -56,7 +57,7 @@ void main() {
   // Beyond this many standard deviations alpha is below 1/255.
   float far = sqrt(max(0.0, 2.0 * log(255.0 * color.a)));
   offset = far * (2.0 * vec2(gl_VertexID & 1, gl_VertexID >> 1) - 1.0);
-  vec2 pixels = focal * p.xy / p.z
+  vec2 pixels = principal + focal * p.xy / p.z
     + offset.x * sqrt(middle + reach) * along
     + offset.y * sqrt(max(middle - reach, LOW_PASS)) * across;
   gl_Position = vec4(2.0 * pixels / size * vec2(1.0, -1.0), 0.0, 1.0);
