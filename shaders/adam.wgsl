@@ -12,6 +12,8 @@ struct Step {
     betas: vec4f,
     // 1 / (1 - beta1^t), 1 / sqrt(1 - beta2^t), epsilon, 0.
     corrections: vec4f,
+    // x: distance from the focus beyond which a Gaussian's geometry is frozen.
+    limits: vec4f,
     // Number of Gaussians, stride, 0, 0.
     counts: vec4u,
 }
@@ -44,9 +46,10 @@ fn adam_geometry(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
     if (id >= step.counts.x || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
+    let frozen = length(parameters[id].xyz) > step.limits.x;
     for (var plane = 0u; plane < 3u; plane++) {
         let index = plane * step.counts.y + id;
-        update(index, source[index], step.rates[plane]);
+        update(index, source[index], select(step.rates[plane], vec4f(0.0), frozen));
     }
     let seen = screen[id];
     if (seen.y > 0.0) {

@@ -29,6 +29,7 @@ pub struct Config {
     pub views: ViewsConfig,
     pub splat: SplatConfig,
     pub model: ModelConfig,
+    pub shell: ShellConfig,
     pub loss: LossConfig,
     pub dropout: DropoutConfig,
     pub optimizer: OptimizerConfig,
@@ -184,6 +185,17 @@ pub struct ModelConfig {
     pub near: f64,
     /// Background colour of renders, RGB in [0, 1].
     pub background: [f64; 3],
+}
+
+/// The far shell: large Gaussians on a sphere beyond the scene, a background that lives in the
+/// file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ShellConfig {
+    /// Number of Gaussians, some hundreds: the more, the finer; 0: no shell.
+    pub count: usize,
+    /// Distance from the focus, in `R`; more where the cloud reaches farther.
+    pub radius: f64,
 }
 
 /// The image losses.

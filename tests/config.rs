@@ -67,6 +67,26 @@ fn baseline_preset_differs_from_the_paper_only_in_views_and_coverage_rules() {
     assert_eq!(baseline, paper());
 }
 
+#[test]
+fn own_preset_differs_from_the_paper_in_its_parts_alone() {
+    let own = Config::preset("gspotential").unwrap();
+    let differences = own.differences(&paper()).unwrap().into_iter();
+    let told: Vec<String> = differences
+        .map(|(key, a, _)| format!("{key}={a}"))
+        .collect();
+    let expected = [
+        "carve.enabled=true",
+        "coverage.densify=false",
+        "coverage.prune=false",
+        "densify.enabled=false",
+        "dropout.rate_end=0.2",
+        "loss.fill_weight=0.3",
+        "shell.count=500",
+        "views.visibility.enabled=true",
+    ];
+    assert_eq!(told, expected);
+}
+
 /// Table 2 of the paper: what each row has that the row under it in the list lacks.
 #[test]
 fn ablation_presets_add_one_part_each_to_another() {
@@ -265,6 +285,8 @@ fn values_out_of_range_are_refused_with_key_and_value() {
         "loss.ssim_weight=1.01",
         "loss.virtual_weight=-1",
         "loss.fill_weight=1.1",
+        "shell.count=99",
+        "shell.radius=1",
         "dropout.rate_end=1",
         "optimizer.mean_lr_start=0",
         "optimizer.mean_lr_end=1",

@@ -27,6 +27,7 @@ mod reference;
 mod report;
 mod run;
 mod scene;
+mod shell;
 mod splat;
 mod study;
 mod views;

@@ -3,9 +3,10 @@
 use glam::{DVec3, Vec3};
 use gspotential::config::{Config, Kernel};
 use gspotential::field::{Coverage, Field, fibonacci_sphere};
-use gspotential::train::policy::{Gathered, NEW, Plan, plan};
+use gspotential::train::policy::{Gathered, NEW, Plan, Surroundings, plan};
 
 const EXTENT: f64 = 2.0;
+const FROZEN_BEYOND: f32 = 8.0;
 /// Densification and coverage rules are both on.
 const LATE: u32 = 1200;
 /// Coverage rules are not on yet.
@@ -68,7 +69,12 @@ fn gathered(cases: &[Case]) -> Gathered {
 }
 
 fn decide(cases: &[Case], config: &Config, done: u32) -> Plan {
-    let plan = plan(&gathered(cases), config, &coverage(), EXTENT, done);
+    let surroundings = Surroundings {
+        coverage: &coverage(),
+        extent: EXTENT,
+        frozen_beyond: FROZEN_BEYOND,
+    };
+    let plan = plan(&gathered(cases), config, &surroundings, done);
     assert_eq!(plan.sources.len(), plan.changes.len());
     plan
 }
@@ -294,6 +300,23 @@ fn growth_stops_at_the_cap_with_the_largest_gradients_first() {
     // Already beyond: nothing is forced out.
     config.densify.max_gaussians = 2;
     assert_eq!(decide(&cases, &config, EARLY).sources, [0, 1, 3, 4]);
+}
+
+#[test]
+fn what_lies_beyond_the_frozen_distance_stays_whatever_it_is() {
+    let worst = Case {
+        opacity: 0.001,
+        radius: 1.0,
+        gradient_sum: 10.0,
+        ..elongated(1e5, Vec3::X)
+    };
+    let at = |x: f32| Case {
+        mean: Vec3::X * x,
+        ..worst
+    };
+    let plan = decide(&[at(7.9), at(8.1), at(100.0)], &config(), 3100);
+    assert_eq!(plan.sources, [1, 2]);
+    assert_eq!(plan.changes, [[0.0; 4]; 2]);
 }
 
 #[test]

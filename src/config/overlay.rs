@@ -17,6 +17,10 @@ pub const PRESETS: &[(&str, &str)] = &[
     ("paper", include_str!("../../configs/paper.json")),
     ("3dgs", include_str!("../../configs/3dgs.json")),
     (
+        "gspotential",
+        include_str!("../../configs/gspotential.json"),
+    ),
+    (
         "ablation-virtual",
         include_str!("../../configs/ablation/virtual.json"),
     ),

@@ -30,6 +30,7 @@ pub fn summary(preset: &str) -> &'static str {
     match preset {
         "paper" => "the method: virtual views, coverage-aware pruning and densification",
         "3dgs" => "the baseline: the same cloud and settings, no virtual views, no coverage rules",
+        "gspotential" => "the parts beyond the paper in place of densification and coverage rules",
         "ablation-virtual" => {
             "ablation: virtual views between photographs, no field, no coverage rules"
         }

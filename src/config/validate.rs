@@ -75,6 +75,16 @@ impl Config {
             within("model.background", channel, 0.0..=1.0)?;
         }
 
+        let shell = &self.shell;
+        // Fewer would be so large that they reach the cameras.
+        ensure(
+            shell.count == 0 || (100..=1_000_000).contains(&shell.count),
+            "shell.count",
+            shell.count,
+            "0, or 100 to 1000000",
+        )?;
+        within("shell.radius", shell.radius, 2.0..=1e6)?;
+
         let loss = &self.loss;
         within("loss.ssim_weight", loss.ssim_weight, 0.0..=1.0)?;
         not_negative("loss.virtual_weight", loss.virtual_weight)?;

@@ -145,13 +145,30 @@ impl Twin {
             }
         }
     }
+
+    /// Puts back the geometry of what is frozen: `before` are the values before the step.
+    fn freeze(&mut self, frozen_beyond: f32, before: &[Vec<f64>; 5]) {
+        for (i, mean) in before[0].chunks_exact(3).enumerate() {
+            let distance = mean.iter().map(|x| x * x).sum::<f64>().sqrt();
+            if distance > f64::from(frozen_beyond) {
+                for (class, width) in [3, 1, 3, 4].into_iter().enumerate() {
+                    let own = i * width..(i + 1) * width;
+                    self.values[class][own.clone()].copy_from_slice(&before[class][own]);
+                }
+            }
+        }
+    }
 }
 
-/// Steps a model of degree `stored`, the active degree rising to it, over one view or two.
+/// Distance that about half of the Gaussians lie beyond.
+pub const FROZEN_BEYOND: f32 = 0.635;
+
+/// Steps a model of degree `stored`, the active degree rising to it, over one view or two, the
+/// geometry beyond `frozen_beyond` staying as it is.
 ///
 /// # Errors
 /// A GPU fault, or a case that the adapter cannot hold.
-pub fn examine(ctx: &Context, stored: u32, n_views: usize) -> Result<Findings> {
+pub fn examine(ctx: &Context, stored: u32, n_views: usize, frozen_beyond: f32) -> Result<Findings> {
     let gpu = &ctx.gpu;
     let config = config()?;
     let case = random_scene(N, stored as usize, 80 + u64::from(stored));
@@ -177,15 +194,24 @@ pub fn examine(ctx: &Context, stored: u32, n_views: usize) -> Result<Findings> {
             backward.d_color.write(gpu, &drawn.color);
             backward.screen.write(gpu, &vec![[0.0_f32; 2]; stride]);
         }
-        let step = StepUniform::new(&config, iteration, EXTENT, &CENTERS[..n_views]);
+        let step =
+            StepUniform::new(&config, iteration, EXTENT, &CENTERS[..n_views]).within(frozen_beyond);
         let mut commands = Commands::new(gpu);
         optimizer.step(gpu, &ctx.optimizer, &groups, &mut commands, (step, degree));
         commands.submit();
         let gradients = drawn.gradients(&twin.values[0], n_views, degree, n_sh);
+        let before = twin.values.clone();
         twin.step(&config, iteration, n_sh, &gradients);
+        twin.freeze(frozen_beyond, &before);
     }
 
-    let mut out = Findings::of(format!("degree {stored}, {n_views} views, {STEPS} steps"));
+    let frozen = match frozen_beyond.is_finite() {
+        true => ", some frozen",
+        false => "",
+    };
+    let mut out = Findings::of(format!(
+        "degree {stored}, {n_views} views, {STEPS} steps{frozen}"
+    ));
     let download = |model: &Model| Ok(numbers(&model.download(gpu)?));
     let ours = download(&optimizer.model)?;
     let moments = [

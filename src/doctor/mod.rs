@@ -113,7 +113,7 @@ pub fn examine_kernels(ctx: &Context) -> Result<Vec<Finding>> {
     }
     for degree in 0..4 {
         for n_views in [1, 2] {
-            findings.extend(adam::examine(ctx, degree, n_views)?.list);
+            findings.extend(adam::examine(ctx, degree, n_views, f32::INFINITY)?.list);
         }
         // Fewer, within the room that there is, and more.
         for len in [40, 170, 333] {
@@ -122,6 +122,7 @@ pub fn examine_kernels(ctx: &Context) -> Result<Vec<Finding>> {
             findings.extend(changes::examine_rearrange(ctx, &plan, sizes, degree)?.list);
         }
     }
+    findings.extend(adam::examine(ctx, 1, 2, adam::FROZEN_BEYOND)?.list);
     findings.extend(changes::examine_reset(ctx, 70)?.list);
     Ok(findings)
 }

@@ -215,7 +215,7 @@ pub fn time_rest(ctx: &Context) -> Result<Vec<Timing>> {
         optimizer.rearrange(gpu, &ctx.optimizer, &plan)?;
         rearrange = rearrange.min(clock.seconds());
         let clock = Clock::start();
-        optimizer.reset_opacity(gpu, &ctx.optimizer, 0.3);
+        optimizer.reset_opacity(gpu, &ctx.optimizer, 0.3, f32::INFINITY);
         gpu.wait()?;
         reset = reset.min(clock.seconds());
     }

@@ -171,6 +171,15 @@ impl Gaussians {
         })
     }
 
+    /// Appends Gaussians of the same SH degree and frame.
+    pub fn extend(&mut self, others: Gaussians) {
+        self.means.extend(others.means);
+        self.scales_log.extend(others.scales_log);
+        self.rotations_wxyz.extend(others.rotations_wxyz);
+        self.opacity_logits.extend(others.opacity_logits);
+        self.sh.extend(others.sh);
+    }
+
     /// Takes Gaussians from the frame that they are in to `frame`'s canonical one. Rotations
     /// and SH are the same in both.
     pub fn to_canonical(mut self, frame: &Frame) -> Gaussians {

@@ -1,6 +1,7 @@
 //! Everything between the scene and the first iteration: focus, field, carving, virtual views,
 //! their point splats, and the Gaussians to start from.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{Clock, cameras, focus_of};
@@ -12,9 +13,9 @@ use crate::field::{Coverage, Field, Focus, fibonacci_sphere};
 use crate::gaussians::Gaussians;
 use crate::progress::Progress;
 use crate::run::Seconds;
-use crate::scene::{Image, PointCloud, Scene, thin};
+use crate::scene::{Image, PointCloud, Scene, View, thin};
 use crate::splat::{SplatImage, fill_holes, splat_views};
-use crate::train::{Supervision, TrainingView};
+use crate::train::{Shell, Supervision, TrainingView};
 use crate::views::{VirtualView, candidates, virtual_views};
 use crate::visibility::candidate_shares;
 
@@ -59,7 +60,11 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     seconds.splat = Some(clock.lap());
 
     let thinned = thin(cloud, n_start(scene, config), config.seed);
-    let start = Gaussians::from_cloud(&thinned, &frame, &config.model)?;
+    let mut start = Gaussians::from_cloud(&thinned, &frame, &config.model)?;
+    let shell = Shell::around(&start, &config.shell);
+    if let Some(shell) = shell {
+        start.extend(shell.gaussians(mean_color(&scene.train), config.model.sh_degree));
+    }
     let mut warnings: Vec<String> = focus.fallback.into_iter().collect();
     warnings.extend(carved.as_ref().and_then(|c| c.warning.clone()));
     if virtual_views.len() < config.views.count {
@@ -71,8 +76,12 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
             config.views.visibility.min_share
         ));
     }
+    let supervision = Supervision {
+        shell,
+        ..supervision(scene, &frame, coverage, &virtual_views, goals)
+    };
     Ok(Prepared {
-        supervision: supervision(scene, &frame, coverage, &virtual_views, goals),
+        supervision,
         warnings,
         carved,
         frame,
@@ -167,6 +176,7 @@ fn supervision(
         real,
         virtual_views: virtual_views.collect(),
         coverage,
+        shell: None,
     }
 }
 
@@ -181,6 +191,17 @@ fn virtual_goals(splats: Vec<SplatImage>, fill_weight: f64) -> Vec<Vec<u32>> {
     splats.into_par_iter().map(goal).collect()
 }
 
+/// Mean over all pixels, RGB in [0, 1].
+fn mean_color(views: &[View]) -> DVec3 {
+    let mut sum = [0_u64; 3];
+    let mut n = 0_u64;
+    for pixel in views.iter().flat_map(|view| view.image.rgb.chunks_exact(3)) {
+        sum = std::array::from_fn(|c| sum[c] + u64::from(pixel[c]));
+        n += 255;
+    }
+    DVec3::from_array(sum.map(|s| s as f64 / n.max(1) as f64))
+}
+
 /// RGBA8 with alpha 255, red in the lowest byte.
 fn texels(image: &Image) -> Vec<u32> {
     let pixels = image.rgb.chunks_exact(3);
@@ -192,7 +213,7 @@ fn texels(image: &Image) -> Vec<u32> {
 /// 3DGS's camera extent: 1.1 times the greatest distance of a camera from their mean.
 fn extent(views: &[TrainingView]) -> f64 {
     let centers: Vec<_> = views.iter().map(|view| view.camera.center()).collect();
-    let mean = centers.iter().sum::<glam::DVec3>() / centers.len().max(1) as f64;
+    let mean = centers.iter().sum::<DVec3>() / centers.len().max(1) as f64;
     1.1 * centers.iter().map(|c| c.distance(mean)).fold(0.0, f64::max)
 }
 

@@ -8,6 +8,7 @@ mod cloud;
 mod kernel;
 mod need;
 mod output;
+mod parts;
 mod plan;
 mod potential;
 mod quality;
@@ -44,6 +45,8 @@ pub enum StudyName {
     Kernel,
     /// The field on the sphere, and what predicts the quality of a test view
     Potential,
+    /// What the parts beyond the paper add, one by one and together
+    Parts,
     /// What quality costs: SH degree, Gaussians, virtual views, iterations, resolution
     Need,
 }
@@ -57,6 +60,7 @@ impl StudyName {
             StudyName::Views => "views",
             StudyName::Kernel => "kernel",
             StudyName::Potential => "potential",
+            StudyName::Parts => "parts",
             StudyName::Need => "need",
         }
     }
@@ -69,6 +73,7 @@ impl StudyName {
             StudyName::Views => &views::Views,
             StudyName::Kernel => &kernel::KernelStudy,
             StudyName::Potential => &potential::Potential,
+            StudyName::Parts => &parts::Parts,
             StudyName::Need => &need::Need,
         }
     }

@@ -10,7 +10,8 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::optimizer::Optimizer;
-use super::trainer::{PlanRecord, Supervision, Trainer, TrainingView};
+use super::supervision::{Supervision, TrainingView};
+use super::trainer::{PlanRecord, Trainer};
 use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
 use crate::render::{BLOCK_PLANES, Model, most_gaussians, n_blocks};

@@ -47,6 +47,7 @@ pub struct StepUniform {
     pub rates: [[f32; 4]; 4],
     pub betas: [f32; 4],
     pub corrections: [f32; 4],
+    pub limits: [f32; 4],
     pub counts: [u32; 4],
 }
 
@@ -72,12 +73,20 @@ impl StepUniform {
                 o.epsilon as f32,
                 0.0,
             ],
+            limits: [f32::INFINITY, 0.0, 0.0, 0.0],
             counts: [0; 4],
         };
         for (slot, &[x, y, z]) in step.centers.iter_mut().zip(centers) {
             *slot = [x, y, z, 1.0];
         }
         step
+    }
+
+    /// The same step for Gaussians up to this distance from the focus; those beyond learn colour
+    /// alone.
+    pub fn within(mut self, frozen_beyond: f32) -> StepUniform {
+        self.limits[0] = frozen_beyond;
+        self
     }
 }
 
@@ -198,10 +207,16 @@ impl Optimizer {
         }
     }
 
-    /// Caps every opacity at `opacity` (3DGS's reset).
-    pub fn reset_opacity(&self, gpu: &Gpu, kernels: &OptimizerKernels, opacity: f64) {
+    /// Caps every opacity at `opacity` (3DGS's reset), but for Gaussians beyond `frozen_beyond`.
+    pub fn reset_opacity(
+        &self,
+        gpu: &Gpu,
+        kernels: &OptimizerKernels,
+        opacity: f64,
+        frozen_beyond: f32,
+    ) {
         let logit = (opacity / (1.0 - opacity)).ln() as f32;
-        let ceiling = Buffer::uniform_from(gpu, "ceiling", &[logit, 0.0, 0.0, 0.0]);
+        let ceiling = Buffer::uniform_from(gpu, "ceiling", &[logit, frozen_beyond, 0.0, 0.0]);
         let counts = Buffer::uniform_from(gpu, "counts", &[shader_count(self.model.n), 0, 0, 0]);
         let group = kernels.reset_opacity.bind(
             gpu,

@@ -60,18 +60,26 @@ enum Reason {
     Anisotropy,
 }
 
-/// Decides after `done` iterations. `extent` is 3DGS's camera extent in the canonical frame.
+/// What the scene decides, in the canonical frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Surroundings<'a> {
+    pub coverage: &'a Coverage,
+    /// 3DGS's camera extent.
+    pub extent: f64,
+    /// Gaussians farther from the focus are kept as they are: those of the far shell.
+    pub frozen_beyond: f32,
+}
+
+/// Decides after `done` iterations.
 pub fn plan(
     gathered: &Gathered,
     config: &Config,
-    coverage: &Coverage,
-    extent: f64,
+    surroundings: &Surroundings<'_>,
     done: u32,
 ) -> Plan {
     let rules = Rules {
         config,
-        coverage,
-        extent,
+        surroundings,
         done,
     };
     let mut fates: Vec<(Fate, f64)> = (0..gathered.means.len())
@@ -113,8 +121,7 @@ fn limit(fates: &mut [(Fate, f64)], selects: impl Fn(Fate) -> bool, n: usize) {
 
 struct Rules<'a> {
     config: &'a Config,
-    coverage: &'a Coverage,
-    extent: f64,
+    surroundings: &'a Surroundings<'a>,
     done: u32,
 }
 
@@ -123,19 +130,25 @@ impl Rules<'_> {
     fn judge(&self, gathered: &Gathered, i: usize) -> (Fate, f64) {
         let Rules {
             config,
-            extent,
+            surroundings,
             done,
-            ..
         } = *self;
+        let Surroundings {
+            coverage,
+            extent,
+            frozen_beyond,
+        } = *surroundings;
+        let mean = gathered.means[i];
+        if mean.length() > frozen_beyond {
+            return (Fate::Keep, 0.0);
+        }
         let densify = &config.densify;
         let scale = gathered.scales_log[i].as_dvec3().exp();
         let [gradient_sum, n_views, radius] = gathered.statistics[i].map(f64::from);
         // Paper: a_i = max(s) / (min(s) + eps), tau_i between tau_min and tau_max by Norm(Q_i).
         let rules = &config.coverage;
         let anisotropy = scale.max_element() / (scale.min_element() + rules.anisotropy_epsilon);
-        let norm_q = self
-            .coverage
-            .norm_q(self.coverage.q(gathered.means[i].as_dvec3()));
+        let norm_q = coverage.norm_q(coverage.q(mean.as_dvec3()));
         let tau = rules.tau_min + (rules.tau_max - rules.tau_min) * norm_q;
 
         if schedule::densifies(config, done) {

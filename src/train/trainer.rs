@@ -3,12 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use super::optimizer::{Optimizer, OptimizerKernels, StepUniform};
-use super::policy;
+use super::policy::{self, Surroundings};
 use super::schedule::{self, ViewOrder};
-use crate::camera::Camera;
+use super::supervision::{Supervision, TrainingView};
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::field::Coverage;
 use crate::gaussians::Gaussians;
 use crate::gpu::{Commands, Gpu, Profile};
 use crate::render::{
@@ -21,55 +20,6 @@ const LOOK_INTERVAL: u32 = 10;
 
 /// Opacity that 3DGS's reset leaves at most.
 const RESET_OPACITY: f64 = 0.01;
-
-/// An image that a training view is compared with.
-#[derive(Clone, Debug)]
-pub struct TrainingView {
-    /// Canonical frame.
-    pub camera: Camera,
-    /// RGBA8, `height * width`, red in the lowest byte; alpha / 255 is the pixel's weight.
-    pub goal: Vec<u32>,
-    /// Sum of the pixels' weights.
-    pub total_weight: f64,
-    /// Whether pixels may weigh less than 1; SSIM's windows are normalised then.
-    pub masked: bool,
-    /// Weight of its loss: 1 for real views, `alpha_k` for virtual ones.
-    pub weight: f64,
-}
-
-impl TrainingView {
-    /// A photograph: every pixel weighs 1, as does its loss.
-    pub fn photograph(camera: Camera, goal: Vec<u32>) -> TrainingView {
-        TrainingView {
-            masked: false,
-            ..Self::masked(camera, goal, 1.0)
-        }
-    }
-
-    /// A view of which every pixel weighs what its alpha says.
-    pub fn masked(camera: Camera, goal: Vec<u32>, weight: f64) -> TrainingView {
-        let total: u64 = goal.iter().map(|texel| u64::from(texel >> 24)).sum();
-        TrainingView {
-            camera,
-            goal,
-            total_weight: total as f64 / 255.0,
-            masked: true,
-            weight,
-        }
-    }
-}
-
-/// What a training run learns from, in the canonical frame.
-#[derive(Clone, Debug)]
-pub struct Supervision {
-    pub real: Vec<TrainingView>,
-    pub virtual_views: Vec<TrainingView>,
-    /// Decides coverage-aware pruning and densification.
-    pub coverage: Coverage,
-    /// 3DGS's camera extent in the canonical frame: 1.1 times the greatest distance of a training
-    /// camera from their mean.
-    pub extent: f64,
-}
 
 /// Told of the training as it goes; nothing that it does changes what is trained.
 pub trait Observer {
@@ -319,7 +269,8 @@ impl<'a> Trainer<'a> {
             let [x, y, z, _] = uniform.center_near;
             centers.push([x, y, z]);
         }
-        let step = StepUniform::new(config, iteration, self.supervision.extent, &centers);
+        let step = StepUniform::new(config, iteration, self.supervision.extent, &centers)
+            .within(self.supervision.frozen_beyond());
         let kernels = &self.optimizer_kernels;
         self.optimizer
             .step(self.gpu, kernels, &self.adam, &mut commands, (step, degree));
@@ -381,8 +332,12 @@ impl<'a> Trainer<'a> {
         let config = self.config;
         if schedule::densifies(config, done) || schedule::prunes_by_coverage(config, done) {
             let gathered = self.optimizer.gather(self.gpu)?;
-            let coverage = &self.supervision.coverage;
-            let plan = policy::plan(&gathered, config, coverage, self.supervision.extent, done);
+            let surroundings = Surroundings {
+                coverage: &self.supervision.coverage,
+                extent: self.supervision.extent,
+                frozen_beyond: self.supervision.frozen_beyond(),
+            };
+            let plan = policy::plan(&gathered, config, &surroundings, done);
             self.optimizer
                 .rearrange(self.gpu, &self.optimizer_kernels, &plan)?;
             let n = self.optimizer.model.n;
@@ -395,8 +350,12 @@ impl<'a> Trainer<'a> {
             self.fit_model()?;
         }
         if schedule::resets_opacity(config, done) {
-            self.optimizer
-                .reset_opacity(self.gpu, &self.optimizer_kernels, RESET_OPACITY);
+            self.optimizer.reset_opacity(
+                self.gpu,
+                &self.optimizer_kernels,
+                RESET_OPACITY,
+                self.supervision.frozen_beyond(),
+            );
         }
         Ok(())
     }

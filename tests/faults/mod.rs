@@ -21,7 +21,7 @@ use gspotential::scene::SceneSource;
 use serde_json::Value;
 
 /// A training in which Gaussians are split, pruned and reset within a second or two.
-const SETTINGS: [&str; 16] = [
+const SETTINGS: [&str; 17] = [
     "iterations=60",
     "scene.max_points=100",
     "scene.n_test=1",
@@ -31,13 +31,14 @@ const SETTINGS: [&str; 16] = [
     "densify.start=5",
     "densify.end=55",
     "densify.interval=10",
-    "densify.max_gaussians=300",
+    "densify.max_gaussians=400",
     "densify.opacity_reset_interval=30",
     "densify.opacity_reset_end=50",
     "coverage.start=20",
     "coverage.interval=20",
     "loss.fill_weight=0.3",
     "dropout.rate_end=0.3",
+    "shell.count=100",
 ];
 const CURVE: u32 = 25;
 

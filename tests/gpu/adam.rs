@@ -1,6 +1,6 @@
 //! Adam on the GPU against the reference, steps that do not count, and the statistics.
 
-use gspotential::doctor::adam::{CENTERS, config, examine, workspace};
+use gspotential::doctor::adam::{CENTERS, FROZEN_BEYOND, config, examine, workspace};
 use gspotential::doctor::gaussians_of;
 use gspotential::gpu::Commands;
 use gspotential::reference::cases::random_scene;
@@ -16,7 +16,7 @@ const N: usize = 130;
 fn adam_matches_the_reference_at_every_degree_for_one_view_and_two() {
     for stored in 0..4 {
         for n_views in [1, 2] {
-            let found = examine(&context(), stored, n_views).expect("steps");
+            let found = examine(&context(), stored, n_views, f32::INFINITY).expect("steps");
             let share = assert_findings(&found);
             print(&format!(
                 "Adam, degree {stored}, {n_views} views: {:.1} % of the bound\n",
@@ -24,6 +24,16 @@ fn adam_matches_the_reference_at_every_degree_for_one_view_and_two() {
             ));
         }
     }
+}
+
+#[test]
+fn frozen_geometry_stays_as_in_the_reference() {
+    assert_findings(&examine(&context(), 1, 2, FROZEN_BEYOND).expect("steps"));
+    // It matters for some and not for others.
+    let start = gaussians_of(&random_scene(N, 1, 81).gaussians, 1);
+    let is_frozen = |i: &usize| start.means[*i].length() > FROZEN_BEYOND;
+    let n_frozen = (0..N).filter(is_frozen).count();
+    assert!((N / 4..3 * N / 4).contains(&n_frozen), "{n_frozen} of {N}");
 }
 
 #[test]

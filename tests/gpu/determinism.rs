@@ -47,6 +47,7 @@ fn config() -> Config {
     config.coverage.tau_max = 4.0;
     config.dropout.rate_end = 0.4;
     config.loss.fill_weight = 0.3;
+    config.shell.count = 100;
     config.validate().expect("allowed values");
     config
 }

@@ -34,7 +34,7 @@ fn a_dispatch_beyond_65535_workgroups_reaches_every_element() {
     let n = 65_535 * 64 + 1234_usize;
     let source = compose("reset_opacity", 0);
     let kernel = Kernel::from_source(gpu, "reset_opacity", "reset_opacity", source);
-    let ceiling = Buffer::uniform_from(gpu, "ceiling", &[-3.0_f32, 0.0, 0.0, 0.0]);
+    let ceiling = Buffer::uniform_from(gpu, "ceiling", &[-3.0_f32, f32::INFINITY, 0.0, 0.0]);
     let counts = Buffer::uniform_from(gpu, "counts", &[n as u32 - 1, 0, 0, 0]);
     let geometry = Buffer::storage_from(gpu, "geometry", &vec![[1.0_f32; 4]; n]).expect("fits");
     let moment = Buffer::storage::<[f32; 4]>(gpu, "moment", n).expect("fits");

@@ -35,7 +35,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-const PLANTS: [Plant; 17] = [
+const PLANTS: [Plant; 19] = [
     plant(
         "project",
         "+ DILATION;",
@@ -122,10 +122,22 @@ const PLANTS: [Plant; 17] = [
         stage::ADAM,
     ),
     plant(
+        "adam",
+        "vec4f(0.0), frozen)",
+        "vec4f(0.0), frozen && plane > 0u)",
+        stage::ADAM,
+    ),
+    plant(
         "rearrange",
         "new_planes[plane * rearrange.new_stride + id]",
         "new_planes[plane * rearrange.old_stride + id]",
         stage::REARRANGE,
+    ),
+    plant(
+        "reset_opacity",
+        "> ceiling.y",
+        "> 1.1 * ceiling.y",
+        stage::RESET_OPACITY,
     ),
     plant(
         "reset_opacity",
@@ -162,7 +174,7 @@ fn findings(ctx: &Context) -> Result<Vec<Finding>> {
         let (size, kind) = ((33, 17), Kind::Noise);
         findings.extend(loss::examine(ctx, &LossCase { size, kind, mask })?.list);
     }
-    findings.extend(adam::examine(ctx, 1, 2)?.list);
+    findings.extend(adam::examine(ctx, 1, 2, adam::FROZEN_BEYOND)?.list);
     let plan = changes::random_plan(150, 333, 1);
     findings.extend(changes::examine_rearrange(ctx, &plan, (150, 180), 1)?.list);
     findings.extend(changes::examine_reset(ctx, 70)?.list);

@@ -1,6 +1,8 @@
 //! Carrying out a plan, and the opacity reset.
 
-use gspotential::doctor::changes::{examine_rearrange, examine_reset, optimizer, random_plan};
+use gspotential::doctor::changes::{
+    RESET_WITHIN, examine_rearrange, examine_reset, optimizer, random_plan,
+};
 use gspotential::train::policy::Plan;
 
 use super::rig::{assert_findings, context};
@@ -26,15 +28,16 @@ fn a_plan_that_keeps_nothing_leaves_an_empty_set() {
 }
 
 #[test]
-fn opacities_fall_to_the_ceiling_and_their_moments_to_zero() {
+fn opacities_fall_to_the_ceiling_and_their_moments_to_zero_but_far_out() {
     let ctx = context();
     assert_findings(&examine_reset(&ctx, 70).expect("resets"));
-    // There is something to reset.
+    // There is something to reset, near and far.
     let before = optimizer(&ctx, 70, 75, 1).expect("fits");
-    let logits = before
-        .model
-        .download(&ctx.gpu)
-        .expect("readable")
-        .opacity_logits;
-    assert!(logits.iter().any(|logit| *logit > -0.8) && logits.iter().any(|logit| *logit < -0.9));
+    let before = before.model.download(&ctx.gpu).expect("readable");
+    for is_far in [false, true] {
+        let own = (0..70).filter(|i| (before.means[*i].length() > RESET_WITHIN) == is_far);
+        let logits: Vec<f32> = own.map(|i| before.opacity_logits[i]).collect();
+        assert!(logits.iter().any(|logit| *logit > -0.8), "{logits:?}");
+        assert!(logits.iter().any(|logit| *logit < -0.9), "{logits:?}");
+    }
 }

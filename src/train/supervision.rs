@@ -1,0 +1,65 @@
+//! What a training run learns from.
+
+use super::shell::Shell;
+use crate::camera::Camera;
+use crate::field::Coverage;
+
+/// An image that a training view is compared with.
+#[derive(Clone, Debug)]
+pub struct TrainingView {
+    /// Canonical frame.
+    pub camera: Camera,
+    /// RGBA8, `height * width`, red in the lowest byte; alpha / 255 is the pixel's weight.
+    pub goal: Vec<u32>,
+    /// Sum of the pixels' weights.
+    pub total_weight: f64,
+    /// Whether pixels may weigh less than 1; SSIM's windows are normalised then.
+    pub masked: bool,
+    /// Weight of its loss: 1 for real views, `alpha_k` for virtual ones.
+    pub weight: f64,
+}
+
+impl TrainingView {
+    /// A photograph: every pixel weighs 1, as does its loss.
+    pub fn photograph(camera: Camera, goal: Vec<u32>) -> TrainingView {
+        TrainingView {
+            masked: false,
+            ..Self::masked(camera, goal, 1.0)
+        }
+    }
+
+    /// A view of which every pixel weighs what its alpha says.
+    pub fn masked(camera: Camera, goal: Vec<u32>, weight: f64) -> TrainingView {
+        let total: u64 = goal.iter().map(|texel| u64::from(texel >> 24)).sum();
+        TrainingView {
+            camera,
+            goal,
+            total_weight: total as f64 / 255.0,
+            masked: true,
+            weight,
+        }
+    }
+}
+
+/// What a training run learns from, in the canonical frame.
+#[derive(Clone, Debug)]
+pub struct Supervision {
+    pub real: Vec<TrainingView>,
+    pub virtual_views: Vec<TrainingView>,
+    /// Decides coverage-aware pruning and densification.
+    pub coverage: Coverage,
+    /// 3DGS's camera extent in the canonical frame: 1.1 times the greatest distance of a training
+    /// camera from their mean.
+    pub extent: f64,
+    /// The far shell, where the Gaussians have one.
+    pub shell: Option<Shell>,
+}
+
+impl Supervision {
+    /// Gaussians farther than this from the focus learn colour alone, and neither come nor go:
+    /// those of the far shell.
+    pub fn frozen_beyond(&self) -> f32 {
+        let shell = self.shell;
+        shell.map_or(f32::INFINITY, |shell| shell.inner_radius() as f32)
+    }
+}
