@@ -71,7 +71,10 @@ pub fn train(
     let n_points = task.cloud().len();
     let n_shell = job.config.shell.count;
     let n_scene = start.len() - n_shell;
-    log::info!("{n_scene} Gaussians from {n_points} points, {n_shell} in the far shell");
+    log::info!("{n_scene} Gaussians from {n_points} points");
+    if n_shell > 0 {
+        log::info!("{n_shell} Gaussians in the far shell");
+    }
     write_virtual_sheet(run, &supervision.virtual_views)?;
     write_cameras(&run.cameras(), &all_cameras(scene, virtual_cameras))?;
     match task.attempt(gpu, seconds) {
