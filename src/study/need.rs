@@ -107,11 +107,9 @@ impl Study for Need {
         let config = base.config(BASE, &[])?;
         let scene = base.scene()?;
         let n_points = n_start(&scene, &config);
-        let sides = scene
-            .train
-            .iter()
-            .map(|v| v.camera.width.max(v.camera.height));
-        let side = sides.max().unwrap_or(0);
+        let views = || scene.train.iter().chain(&scene.test).map(|v| &v.camera);
+        let side = views().map(|c| c.width.max(c.height)).max().unwrap_or(0);
+        let shorter = views().map(|c| c.width.min(c.height)).min().unwrap_or(0);
         let mut variants = base.presets(&[BASE])?;
         let mut add = |name: String, changes: &[String]| -> Result<()> {
             variants.push(base.variant(&name, BASE, changes)?);
@@ -143,7 +141,8 @@ impl Study for Need {
             let change = format!("iterations={}", (config.iterations / part).max(1));
             add(format!("paper-iterations-{part}"), &[change])?;
         }
-        for part in SMALLER.into_iter().filter(|part| side / part >= MIN_SIDE) {
+        let can_be = |part: &u32| side / part >= MIN_SIDE && shorter / part >= base.min_side_px();
+        for part in SMALLER.into_iter().filter(can_be) {
             let changes = [
                 format!("scene.max_size_px={}", side / part),
                 // Otherwise the start would shrink, too.
@@ -169,17 +168,33 @@ impl Study for Need {
             }
         }
         let pictures = FACTORS.iter().map(|factor| picture(&results, factor));
+        let mut notes = vec![
+            "All are measured at the same test views, at the full size, whatever they were \
+             trained at. *Gaussians at most*: the start is thinned to so many and never \
+             grows beyond. Seconds are of training alone; GPU MB the most that buffers held."
+                .to_owned(),
+        ];
+        notes.extend(late_degrees(&results));
         Ok(Report {
             tables: vec![table],
             pictures: pictures.collect::<Result<_>>()?,
-            notes: vec![
-                "All are measured at the same test views, at the full size, whatever they were \
-                 trained at. *Gaussians at most*: the start is thinned to so many and never \
-                 grows beyond. Seconds are of training alone; GPU MB the most that buffers held."
-                    .to_owned(),
-            ],
+            notes,
         })
     }
+}
+
+/// A warning where training ends before degrees that rows are about have begun.
+fn late_degrees(results: &Results) -> Option<String> {
+    let config = &results.runs.first()?.job.config;
+    let interval = config.model.sh_interval;
+    let active = config.iterations.saturating_sub(1) / interval;
+    (active < config.model.sh_degree).then(|| {
+        format!(
+            "The SH degree rises by one every {interval} iterations, so that within {} it is \
+             {active} at most: rows of higher degrees are equal to it.",
+            config.iterations
+        )
+    })
 }
 
 /// Names of a factor's variants in the order of the plan.

@@ -59,6 +59,12 @@ impl<'a> Base<'a> {
         &self.source
     }
 
+    /// Shorter side of a test view, pixels, for everything that is asked for to be measured.
+    pub fn min_side_px(&self) -> u32 {
+        let lpips = self.options.measure.lpips.as_ref();
+        lpips.map_or(1, |lpips| lpips.min_side_px())
+    }
+
     /// The method under the study's options, then what the preset does otherwise than the
     /// method, then `changes` (`key=value`).
     ///

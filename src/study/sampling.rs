@@ -8,13 +8,35 @@ use super::{Picture, Report, Study};
 use crate::error::Result;
 use crate::report::plot::{Axis, Plot, Style};
 
-/// Name of the variant, strategy, and what it is called in the paper.
-const STRATEGIES: [(&str, &str, &str); 5] = [
-    ("paper-nearest-angle", "nearest_angle", "nearest angle"),
-    ("paper-sphere-uniform", "sphere_uniform", "uniform sphere"),
-    ("paper-sphere-farthest", "sphere_farthest", "farthest point"),
-    ("paper-interpolation", "interpolation", "interpolation"),
-    (METHOD, "potential", "potential field"),
+/// Name of the variant, what it sets, and what it is called: the paper's five, and the field
+/// weighted by what the training cameras see.
+const STRATEGIES: [(&str, &str, &str); 6] = [
+    (
+        "paper-nearest-angle",
+        "views.strategy=nearest_angle",
+        "nearest angle",
+    ),
+    (
+        "paper-sphere-uniform",
+        "views.strategy=sphere_uniform",
+        "uniform sphere",
+    ),
+    (
+        "paper-sphere-farthest",
+        "views.strategy=sphere_farthest",
+        "farthest point",
+    ),
+    (
+        "paper-interpolation",
+        "views.strategy=interpolation",
+        "interpolation",
+    ),
+    (METHOD, "views.strategy=potential", "potential field"),
+    (
+        "paper-visibility",
+        "views.visibility.enabled=true",
+        "field and visibility",
+    ),
 ];
 
 /// The method's own strategy is its preset.
@@ -25,12 +47,12 @@ pub struct Sampling;
 impl Study for Sampling {
     fn question(&self) -> &'static str {
         "Which way to choose the virtual views helps most, all else as in the method (the \
-         paper's Table 4)."
+         paper's Table 4, and the field weighted by visibility beside it)."
     }
 
     fn variants(&self, base: &Base) -> Result<Vec<Variant>> {
-        let variant = |(name, strategy, _): (&str, &str, &str)| {
-            base.variant(name, "paper", &[format!("views.strategy={strategy}")])
+        let variant = |(name, setting, _): (&str, &str, &str)| {
+            base.variant(name, "paper", &[setting.to_owned()])
         };
         STRATEGIES.into_iter().map(variant).collect()
     }

@@ -76,7 +76,7 @@ fn every_study_reports_in_text_numbers_and_pictures_and_trains_nothing_twice() {
     // Rows of the first table, and how many runs none before has trained.
     for (name, n_rows, n_new) in [
         ("ablation", 7, 7),
-        ("sampling", 5, 4),
+        ("sampling", 6, 5),
         // 3, 4, 5, 6 and 9 of the 10 views, with either preset.
         ("views", 10, 10),
         ("cloud", 8, 6 + 8),
@@ -235,8 +235,8 @@ fn figures_are_means_over_scenes_and_seeds() {
     assert!(report.contains("seeds 3, 5"), "{report}");
     let data = json(&folder.path().join("studies/sampling.json"));
     let rows = data["tables"][0]["rows"].as_array().expect("rows").clone();
-    assert_eq!(rows.len(), 15);
-    let scene_name = rows[5]["scene"].as_str().expect("a name").to_owned();
+    assert_eq!(rows.len(), 18);
+    let scene_name = rows[6]["scene"].as_str().expect("a name").to_owned();
     let psnr = |scene: &str, seed: u64| -> f64 {
         let run = format!("studies/runs/{scene}-paper-sphere-uniform-seed{seed}/eval.json");
         json(&folder.path().join(run))["mean"]["psnr"]
@@ -267,7 +267,7 @@ fn lpips_that_is_asked_for_later_is_measured_without_training() {
     let folder = tempfile::tempdir().unwrap();
     let args = format!("sampling {TINY} --seeds 0").replace("builtin:32", "builtin:48");
     let (report, _) = succeeds(folder.path(), &args);
-    assert_eq!(report.matches("n/a").count(), 5, "{report}");
+    assert_eq!(report.matches("n/a").count(), 6, "{report}");
     let weights = generated(ALEX).bytes();
     fs::write(folder.path().join("alex.safetensors"), weights).unwrap();
     let args = args + " --lpips-weights alex.safetensors";
