@@ -141,6 +141,10 @@ fn a_map_shows_values_and_marks() {
     assert!(texts(&svg).contains(&"training (2)"));
     // Two marks and the legend, each with its rim.
     assert_eq!(svg.matches("<circle").count(), 6);
+    // What has one colour is one shape a row.
+    map.value = &|_| 1.0;
+    let rows = map.to_svg().unwrap().matches(r#"width="720""#).count();
+    assert_eq!(rows, 60);
     map.value = &|_| f64::NAN;
     assert!(map.to_svg().is_err());
 }

@@ -274,6 +274,9 @@ pub(super) fn viridis(share: f64) -> [u8; 3] {
     [r, g, b]
 }
 
+/// Colours of a scale.
+const COLOR_STEPS: i32 = 64;
+
 /// Maps values to colours between their least and greatest.
 struct ColorScale(Range<f64>);
 
@@ -295,6 +298,7 @@ impl ColorScale {
         (range.start <= range.end).then_some(ColorScale(range))
     }
 
+    /// In as many steps as the bar has, so that large areas of a colour are one shape.
     fn color(&self, value: f64) -> RGBColor {
         let span = self.0.end - self.0.start;
         let share = if span > 0.0 {
@@ -302,7 +306,10 @@ impl ColorScale {
         } else {
             0.5
         };
-        ViridisRGB.get_color(share)
+        let step = (share * f64::from(COLOR_STEPS))
+            .floor()
+            .min(f64::from(COLOR_STEPS - 1));
+        ViridisRGB.get_color(step / f64::from(COLOR_STEPS - 1))
     }
 
     /// The scale as an upright bar with its ends and middle labelled.
@@ -311,20 +318,19 @@ impl ColorScale {
         area: &Area,
         label: &str,
     ) -> std::result::Result<(), Box<dyn std::error::Error>> {
-        const STEPS: i32 = 64;
         let (_, height) = area.dim_in_pixel();
         let (top, bottom) = (56, height as i32 - 60);
         let span = self.0.end - self.0.start;
-        let y = |step: i32| bottom + (top - bottom) * step / STEPS;
-        for step in 0..STEPS {
-            let value = self.0.start + span * (f64::from(step) + 0.5) / f64::from(STEPS);
+        let y = |step: i32| bottom + (top - bottom) * step / COLOR_STEPS;
+        for step in 0..COLOR_STEPS {
+            let value = self.0.start + span * (f64::from(step) + 0.5) / f64::from(COLOR_STEPS);
             area.draw(&Rectangle::new(
                 [(8, y(step + 1)), (24, y(step))],
                 self.color(value).filled(),
             ))?;
         }
-        for step in [0, STEPS / 2, STEPS] {
-            let value = self.0.start + span * f64::from(step) / f64::from(STEPS);
+        for step in [0, COLOR_STEPS / 2, COLOR_STEPS] {
+            let value = self.0.start + span * f64::from(step) / f64::from(COLOR_STEPS);
             let text = axis::plain(value);
             area.draw(&Text::new(text, (28, y(step) - 6), (FONT, 15)))?;
         }

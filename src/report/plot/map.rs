@@ -76,14 +76,24 @@ impl SphereMap<'_> {
         let root = SVGBackend::with_string(svg, size).into_drawing_area();
         root.fill(&WHITE)?;
         root.draw(&Text::new(self.title.clone(), (left, 12), (FONT, 22)))?;
-        for (i, value) in cells.iter().enumerate() {
-            let (row, column) = (i as i32 / N_LONGITUDES, i as i32 % N_LONGITUDES);
-            let corner = (left + column * CELL, top + row * CELL);
-            let color = scale.color(*value).filled();
-            root.draw(&Rectangle::new(
-                [corner, (corner.0 + CELL, corner.1 + CELL)],
-                color,
-            ))?;
+        for (row, values) in cells.chunks(N_LONGITUDES as usize).enumerate() {
+            let colors: Vec<RGBColor> = values.iter().map(|v| scale.color(*v)).collect();
+            let mut x = left;
+            for same in colors.chunk_by(|a, b| a == b) {
+                // One pixel more to the right and below, which the next ones cover: edges that
+                // only touch shine through.
+                let end = x + same.len() as i32 * CELL;
+                let y = top + row as i32 * CELL;
+                let corners = [
+                    (x, y),
+                    (
+                        (end + 1).min(left + width),
+                        (y + CELL + 1).min(top + height),
+                    ),
+                ];
+                root.draw(&Rectangle::new(corners, same[0].filled()))?;
+                x = end;
+            }
         }
         for degrees in (-180..=180).step_by(60) {
             let x = left + width * (degrees + 180) / 360;
