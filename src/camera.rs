@@ -1,6 +1,10 @@
 //! Pinhole cameras. World-to-camera, +z forward, y down, pixel centres at +0.5.
 
-use glam::{DMat3, DVec3};
+use std::ops::RangeInclusive;
+
+use glam::{DMat3, DQuat, DVec3};
+
+use crate::error::{Error, Result};
 
 /// A posed pinhole camera: `p_camera = rotation * p_world + translation`,
 /// `u = fx * x / z + cx`, `v = fy * y / z + cy` in pixels.
@@ -74,6 +78,52 @@ impl Camera {
         let (width, height) = bounded_size(size, self.width.max(self.height), px);
         self.resized(width, height)
     }
+}
+
+/// How far `R^T R` may be from the identity, in any entry: files hold few digits.
+const ROTATION_TOLERANCE: f64 = 1e-3;
+/// Up to here a matrix is taken as it is, so that what was written in full is read as it was.
+const ROUNDING: f64 = 1e-12;
+
+/// The rotation that a matrix from a file stands for; none where it is no rotation.
+pub fn nearest_rotation(matrix: DMat3) -> Option<DMat3> {
+    let error = matrix.transpose() * matrix - DMat3::IDENTITY;
+    let within = |bound| error.to_cols_array().iter().all(|v| v.abs() <= bound);
+    if !within(ROTATION_TOLERANCE) || matrix.determinant() < 0.0 {
+        return None;
+    }
+    Some(if within(ROUNDING) {
+        matrix
+    } else {
+        DMat3::from_quat(DQuat::from_mat3(&matrix).normalize())
+    })
+}
+
+/// Focal lengths that some lens has, pixels: beyond them scaled images and f32 squares lose them.
+const FOCAL_LENGTHS: RangeInclusive<f64> = 1e-3..=1e9;
+/// How far the principal point may be off the image's corner, pixels.
+const MAX_PRINCIPAL: f64 = 1e9;
+
+/// # Errors
+/// A focal length or a principal point (pixels) that no lens has, NaN among them.
+pub fn check_lens(focal: [f64; 2], principal: [f64; 2]) -> Result<()> {
+    for (key, value) in ["fx", "fy"].iter().zip(focal) {
+        if !FOCAL_LENGTHS.contains(&value) {
+            let (least, most) = (FOCAL_LENGTHS.start(), FOCAL_LENGTHS.end());
+            return Err(Error::new(format!(
+                "the focal length {key} is {value:e} pixels, allowed are {least:e} to {most:e}"
+            )));
+        }
+    }
+    for (key, value) in ["cx", "cy"].iter().zip(principal) {
+        if !(-MAX_PRINCIPAL..=MAX_PRINCIPAL).contains(&value) {
+            return Err(Error::new(format!(
+                "the principal point {key} is {value:e} pixels, allowed are at most \
+                 {MAX_PRINCIPAL:e}"
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// A size scaled so that `side`, one of its lengths, comes down to `bound`; as it is where it is

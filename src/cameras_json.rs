@@ -6,15 +6,8 @@ use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::camera::Camera;
+use crate::camera::{Camera, check_lens, nearest_rotation};
 use crate::error::{Error, Result, read_file, write_file};
-
-/// How far `R^T R` may be from the identity, in any entry: files hold few digits.
-const ROTATION_TOLERANCE: f64 = 1e-3;
-
-/// Bound of focal lengths and principal points, pixels: larger ones mean nothing, and their
-/// squares would overflow in f32.
-const MAX_PIXELS: f64 = 1e9;
 
 /// One camera as 3DGS writes it; other keys are ignored.
 #[derive(Serialize, Deserialize)]
@@ -106,36 +99,18 @@ impl Entry {
                 self.width, self.height
             )));
         }
-        for (key, focal) in [("fx", self.fx), ("fy", self.fy)] {
-            if focal <= 0.0 {
-                return Err(Error::new(format!(
-                    "{key} is {focal}, but must be positive"
-                )));
-            }
-        }
         let (cx, cy) = (
             self.cx.unwrap_or(0.5 * f64::from(self.width)),
             self.cy.unwrap_or(0.5 * f64::from(self.height)),
         );
-        for (key, pixels) in [("fx", self.fx), ("fy", self.fy), ("cx", cx), ("cy", cy)] {
-            if pixels.abs() > MAX_PIXELS {
-                return Err(Error::new(format!(
-                    "{key} is {pixels:e} pixels, allowed are at most {MAX_PIXELS:e}"
-                )));
-            }
-        }
-        let rotation = DMat3::from_cols_array_2d(&self.rotation);
-        let product = rotation.transpose() * rotation - DMat3::IDENTITY;
-        if product
-            .to_cols_array()
-            .iter()
-            .any(|v| v.abs() > ROTATION_TOLERANCE)
-            || rotation.determinant() < 0.0
-        {
-            return Err(Error::new(
-                "`rotation` is not a rotation matrix: its rows must be orthonormal and right-handed",
-            ));
-        }
+        check_lens([self.fx, self.fy], [cx, cy])?;
+        let rotation =
+            nearest_rotation(DMat3::from_cols_array_2d(&self.rotation)).ok_or_else(|| {
+                Error::new(
+                    "`rotation` is not a rotation matrix: its rows must be orthonormal and \
+                     right-handed",
+                )
+            })?;
         let translation = -(rotation * DVec3::from_array(self.position));
         if !translation.is_finite() {
             return Err(Error::new("`position` is too large"));

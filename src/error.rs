@@ -1,5 +1,6 @@
 //! The one error type: what went wrong, where, and the way out.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -96,14 +97,24 @@ impl Error {
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(place) = &self.place {
-            write!(f, "{place}: ")?;
+            write!(f, "{}: ", one_line(place))?;
         }
-        f.write_str(&self.what)?;
+        f.write_str(&one_line(&self.what))?;
         if let Some(way_out) = &self.way_out {
-            write!(f, "; {way_out}")?;
+            write!(f, "; {}", one_line(way_out))?;
         }
         Ok(())
     }
+}
+
+/// Names and messages of decoders quote files, which may hold line breaks and terminal codes:
+/// each run of control characters becomes a space.
+fn one_line(text: &str) -> Cow<'_, str> {
+    if !text.contains(char::is_control) {
+        return Cow::Borrowed(text);
+    }
+    let words = text.split(char::is_control).filter(|part| !part.is_empty());
+    Cow::Owned(words.collect::<Vec<_>>().join(" "))
 }
 
 impl std::error::Error for Error {}

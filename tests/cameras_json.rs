@@ -57,6 +57,18 @@ fn cameras_json_without_principal_point_centres_it() {
 }
 
 #[test]
+fn rotations_of_few_digits_become_orthonormal() {
+    let (_folder, path) = scratch("cameras.json");
+    let entry = r#"[{"id": 7, "img_name": "00", "width": 101, "height": 50, "fx": 9.5, "fy": 9,
+        "position": [1, 2, 3], "rotation": [[0.8, -0.6, 0], [0.6, 0.8003, 0], [0, 0, 1.0002]]}]"#;
+    std::fs::write(&path, entry).unwrap();
+    let rotation = read_cameras(&path).unwrap()[0].rotation;
+    let error = rotation.transpose() * rotation - glam::DMat3::IDENTITY;
+    assert!(error.to_cols_array().iter().all(|v| v.abs() < 1e-12));
+    assert!((rotation.row(0) - dvec3(0.8, 0.6, 0.0)).length() < 1e-3);
+}
+
+#[test]
 fn bad_cameras_json_names_file_and_entry() {
     let (_folder, path) = scratch("cameras.json");
     write_cameras(&path, &ring(3, DVec3::ZERO)).unwrap();

@@ -10,6 +10,10 @@ use crate::error::{Error, Result};
 const MAX_SIDE: u32 = 16_384;
 /// Most memory that decoding a photograph may take.
 const MAX_BYTES: u64 = 1 << 30;
+/// More bytes of pixels than this for each byte of a file cannot be in it: a PNG's deflate gains
+/// 1032 at most, and a palette's bit becomes 24. A JPEG gains less: it has a bit for every block
+/// of every component.
+const MAX_GAIN: u64 = 24 * 1032;
 
 /// A PNG or JPEG ready to be decoded, and its size: everything that the header tells is checked
 /// before any pixel is decoded.
@@ -36,6 +40,14 @@ pub(super) fn open_image(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, (u32, 
             decoder.total_bytes()
         ))
         .way_out("scale it down"));
+    }
+    // A header of some bytes may claim any size, and decoders believe it before they look further.
+    if decoder.total_bytes() / MAX_GAIN > bytes.len() as u64 {
+        return Err(Error::new(format!(
+            "the header tells of {width}x{height} pixels, which a file of {} bytes cannot hold",
+            bytes.len()
+        ))
+        .way_out("copy the image again"));
     }
     if width == 0 || height == 0 {
         return Err(Error::new(format!("the image is {width}x{height} pixels")));

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use glam::{DMat3, DVec3};
 
 use super::lens::Distortion;
-use crate::camera::Camera;
+use crate::camera::{Camera, check_lens};
 use crate::error::{Error, Result};
 
 /// Sides of images, and of the cameras that took them, beyond this are refused.
@@ -72,16 +72,7 @@ impl Intrinsics {
             )));
         }
         let [fx, fy, cx, cy] = params;
-        if !(fx > 0.0 && fy > 0.0 && fx.is_finite() && fy.is_finite()) {
-            return Err(Error::new(format!(
-                "focal length {fx}, {fy} is not positive and finite"
-            )));
-        }
-        if !(cx.is_finite() && cy.is_finite()) {
-            return Err(Error::new(format!(
-                "principal point {cx}, {cy} is not finite"
-            )));
-        }
+        check_lens([fx, fy], [cx, cy])?;
         Ok(Intrinsics {
             width: width as u32,
             height: height as u32,

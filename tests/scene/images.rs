@@ -118,20 +118,40 @@ fn only_chosen_views_are_decoded() {
     folder.fails_with(&["images/b.png"]);
 }
 
-#[test]
-fn image_bombs_are_refused_before_they_are_decoded() {
-    let folder = Folder::with_views(&NAMES);
-    // A PNG header alone, with a valid checksum, that claims 60000x40000 pixels: the aspect of
-    // the cameras.
+/// A PNG of [`SIZE`] whose header, with a valid checksum, claims another size.
+fn claiming(width: u32, height: u32) -> Vec<u8> {
     let mut bomb = b"\x89PNG\r\n\x1a\n\x00\x00\x00\x0dIHDR".to_vec();
-    bomb.extend(60_000u32.to_be_bytes());
-    bomb.extend(40_000u32.to_be_bytes());
+    bomb.extend(width.to_be_bytes());
+    bomb.extend(height.to_be_bytes());
     bomb.extend([8, 2, 0, 0, 0]);
     let crc = crc32(&bomb[12..]);
     bomb.extend(crc.to_be_bytes());
     bomb.extend(&png(8, 8)[33..]);
-    folder.write("images/a.png", bomb);
+    bomb
+}
+
+#[test]
+fn image_bombs_are_refused_before_they_are_decoded() {
+    let folder = Folder::with_views(&NAMES);
+    // Both have the aspect of the cameras.
+    folder.write("images/a.png", claiming(60_000, 40_000));
     folder.fails_with(&["images/a.png", "16384 pixels a side"]);
+    // Within the limits, but 288 MB of pixels are not in 200 bytes.
+    folder.write("images/a.png", claiming(12_000, 8_000));
+    folder.fails_with(&["images/a.png", "12000x8000", "cannot hold"]);
+}
+
+#[test]
+fn a_small_file_may_be_a_large_image_of_one_colour() {
+    let folder = Folder::with_views(&NAMES);
+    let flat = image::GrayImage::new(1500, 1000);
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    flat.write_to(&mut bytes, image::ImageFormat::Png)
+        .expect("a PNG");
+    let bytes = bytes.into_inner();
+    assert!(bytes.len() < 20_000, "{}", bytes.len());
+    folder.write("images/a.png", bytes);
+    folder.scene();
 }
 
 fn crc32(bytes: &[u8]) -> u32 {
@@ -255,4 +275,12 @@ fn zero_sizes_are_usage_errors() {
         };
         fails_with(folder.load_with(&limits), ErrorKind::Usage, &["0 pixels"]);
     }
+}
+
+#[test]
+fn a_damaged_jpeg_is_an_error_of_one_line() {
+    let folder = Folder::with_views(&NAMES);
+    // Its decoder's message ends in a line break.
+    folder.write("images/a.png", b"\xff\xd8\xff\xd8\xff");
+    folder.fails_with(&["images/a.png", "cannot decode"]);
 }

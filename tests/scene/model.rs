@@ -258,6 +258,8 @@ fn impossible_intrinsics_are_refused() {
     for (at, value, what) in [
         (0, 0.0, "focal length"),
         (0, -10.0, "focal length"),
+        // Scaled to a smaller image it would be 0.
+        (0, 5e-324, "focal length"),
         (1, f64::NAN, "focal length"),
         (1, f64::INFINITY, "focal length"),
         (2, f64::NAN, "principal point"),

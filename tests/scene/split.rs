@@ -207,6 +207,8 @@ fn bad_split_files_are_named() {
     for (json, part) in [
         ("", "line 1"),
         ("[]", "not a split file"),
+        // A line break and a terminal code of the file's in the message.
+        (r#"{"tra\n\u001b[2J": 1}"#, "unknown field `tra [2J`"),
         (r#"{"test": ["a.png"]}"#, "missing field `train`"),
         (
             r#"{"train": ["a.png"], "tests": []}"#,

@@ -2,15 +2,15 @@
 
 use std::path::Path;
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DVec3};
 use serde_json::Value;
 
 use super::Object;
+use crate::camera::nearest_rotation;
 use crate::error::{Error, Result};
 use crate::scene::layout::Intrinsics;
 
-/// How far a pose's scale may be from 1, and `R^T R` from the identity in any entry: files hold
-/// few digits.
+/// How far a pose's scale may be from 1: files hold few digits.
 pub(super) const SCALE_TOLERANCE: f64 = 1e-3;
 
 /// Camera models that are COLMAP's of the same name.
@@ -43,16 +43,9 @@ pub(super) fn pose(matrix: Option<&Value>) -> Result<(DMat3, DVec3, f64)> {
         ));
     }
     let scale = determinant.cbrt();
-    let rotation = axes * (1.0 / scale);
-    let error = rotation.transpose() * rotation - DMat3::IDENTITY;
-    let is_rotation = error
-        .to_cols_array()
-        .iter()
-        .all(|e| e.abs() <= SCALE_TOLERANCE);
-    if !is_rotation || !position.is_finite() {
-        return Err(wrong("is no rigid motion"));
-    }
-    let rotation = DMat3::from_quat(DQuat::from_mat3(&rotation).normalize());
+    let rotation = nearest_rotation(axes * (1.0 / scale))
+        .filter(|_| position.is_finite())
+        .ok_or_else(|| wrong("is no rigid motion"))?;
     // OpenGL's axes to ours: y down, z forward.
     let rotation = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)) * rotation.transpose();
     Ok((rotation, position, scale))
