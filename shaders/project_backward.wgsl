@@ -5,6 +5,7 @@
 #import shared/gaussian
 #import shared/dropout
 #import shared/sh
+#import shared/sh_mean
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> geometry: array<vec4f>;
@@ -109,24 +110,7 @@ fn project_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
 
     let d_c = select(vec3f(0.0), vec3f(b.zw, c), color > vec3f(0.0));
     if (SH_DEGREE > 0u) {
-        let offset = g.mean - view.center_near.xyz;
-        let distance = length(offset);
-        let direction = offset / distance;
-        let a = sh_dots(sh_0[id], sh_0[stride + id], sh_0[2u * stride + id], d_c);
-        var b = vec4f(0.0);
-        var c = vec4f(0.0);
-        var d = vec4f(0.0);
-        if (SH_DEGREE >= 2u) {
-            b = sh_dots(sh_2[id], sh_2[stride + id], sh_2[2u * stride + id], d_c);
-            let p6 = sh_2[3u * stride + id];
-            c.x = dot(p6.xyz, d_c);
-            if (SH_DEGREE >= 3u) {
-                c = sh_dots(p6, sh_3[id], sh_3[stride + id], d_c);
-                d = sh_dots(sh_3[2u * stride + id], sh_3[3u * stride + id], sh_3[4u * stride + id], d_c);
-            }
-        }
-        let d_direction = sh_direction_gradient(direction, a, b, c, d);
-        d_mean += (d_direction - direction * dot(direction, d_direction)) / distance;
+        d_mean += color_to_mean(g.mean, id, d_c);
     }
 
     // dL/drotation, column by column, then to the quaternion.

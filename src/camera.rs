@@ -1,5 +1,9 @@
 //! Pinhole cameras. World-to-camera, +z forward, y down, pixel centres at +0.5.
 
+mod similarity;
+
+pub use similarity::Similarity;
+
 use std::ops::RangeInclusive;
 
 use glam::{DMat3, DQuat, DVec3};
@@ -51,6 +55,20 @@ impl Camera {
             name,
             rotation,
             translation: -(rotation * eye),
+            ..self.clone()
+        }
+    }
+
+    /// The camera after the motion `(w, v)`: what lies at `p` in its axes lies at `exp([w]x) p + v`
+    /// afterwards. So what it sees turns by `w` (radians) about the optical centre and then shifts by
+    /// `v` (world units, along the camera's axes); in the world the camera moves the other way.
+    pub fn moved(&self, [x, y, z, shift @ ..]: [f64; 6]) -> Camera {
+        let turn = DQuat::from_scaled_axis(DVec3::new(x, y, z));
+        let rotation = DQuat::from_mat3(&self.rotation);
+        Camera {
+            // Through a unit quaternion, so that no number of motions distorts it.
+            rotation: DMat3::from_quat((turn * rotation).normalize()),
+            translation: turn * self.translation + DVec3::from_array(shift),
             ..self.clone()
         }
     }
@@ -168,6 +186,14 @@ impl Frame {
     /// The camera seen from the canonical frame; its image is the same.
     pub fn camera_to_canonical(&self, camera: &Camera) -> Camera {
         let eye = self.to_canonical(camera.center());
+        Camera {
+            translation: -(camera.rotation * eye),
+            ..camera.clone()
+        }
+    }
+    /// Undoes [`Frame::camera_to_canonical`].
+    pub fn camera_to_world(&self, camera: &Camera) -> Camera {
+        let eye = self.to_world(camera.center());
         Camera {
             translation: -(camera.rotation * eye),
             ..camera.clone()

@@ -1,5 +1,9 @@
 //! Errors at the test views.
 
+mod fit;
+
+pub use fit::fit_poses;
+
 use rayon::prelude::*;
 
 use crate::camera::Frame;
@@ -11,8 +15,31 @@ use crate::metrics::{self, FloatImage, Lpips, Pixels};
 use crate::progress::Progress;
 use crate::render::{Kernels, Model, Rendered, Renderer, ViewUniform};
 use crate::run::{LpipsRecord, MaskedScore, PointSplatScore, Renders, ViewScore, mean};
-use crate::scene::{Image, PointCloud, View};
+use crate::scene::{Image, PointCloud, PoseProtocol, View};
 use crate::splat::splat_views;
+
+/// How test cameras come into the frame of a run's model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Alignment {
+    /// As the scene has them: it shares the frame
+    #[default]
+    Shared,
+    /// By the similarity that takes the scene's training cameras to the run's (Umeyama)
+    Similarity,
+    /// By that similarity, then each fitted to its photograph
+    Fit,
+}
+
+impl Alignment {
+    /// What this makes of the test cameras of a scene.
+    pub fn protocol(self, scene: PoseProtocol) -> PoseProtocol {
+        match self {
+            Alignment::Shared => scene,
+            Alignment::Similarity => PoseProtocol::TrainingSimilarity,
+            Alignment::Fit => PoseProtocol::TestPoseFit,
+        }
+    }
+}
 
 /// How test views are measured.
 #[derive(Clone, Debug, Default)]
@@ -20,6 +47,7 @@ pub struct EvalOptions {
     /// Without it LPIPS is not measured.
     pub lpips: Option<Lpips>,
     pub renders: Renders,
+    pub align: Alignment,
 }
 
 impl EvalOptions {

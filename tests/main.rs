@@ -1,5 +1,6 @@
 //! The one test binary.
 
+mod align;
 mod architecture;
 mod builtin;
 mod cameras_json;

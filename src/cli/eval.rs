@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::measure::MeasureArgs;
 use crate::error::{Error, Result, write_file};
-use crate::eval::EvalOptions;
+use crate::eval::{Alignment, EvalOptions};
 use crate::pipeline;
 use crate::report::{
     ComparedRun, Comparison, check_protocols, evaluation_table, runs_csv, runs_json,
@@ -18,6 +18,7 @@ Examples:
   gspotential eval runs/garden
   gspotential eval runs/* --lpips-weights lpips_vgg.safetensors --csv runs.csv > table.md
   gspotential eval runs/garden-* --html garden.html
+  gspotential eval runs/garden --align fit
 
 A run is rendered and measured unless its eval.json is that of its model, config and scene as they
 are, of this version, and has what is asked for. PSNR and SSIM are 3DGS's. n/a: not measured.
@@ -40,6 +41,10 @@ pub struct EvalArgs {
 
     #[command(flatten)]
     measure: MeasureArgs,
+
+    /// How the test cameras come into the model's frame
+    #[arg(long, value_name = "HOW", value_enum, default_value_t = Alignment::Shared)]
+    align: Alignment,
 
     /// Measure again even what is up to date
     #[arg(long)]
@@ -67,7 +72,10 @@ impl EvalArgs {
         // Whatever can be refused is, before the first run is rendered.
         let runs = self.open_runs()?;
         self.check_outputs()?;
-        let options = self.measure.options()?;
+        let options = EvalOptions {
+            align: self.align,
+            ..self.measure.options()?
+        };
         let mut compared = Vec::with_capacity(runs.len());
         for run in &runs {
             let evaluation = match self.at_hand(run, &options)? {
@@ -120,7 +128,8 @@ impl EvalArgs {
                 return Err(Error::usage("is named twice").at_path(root));
             }
             seen.push(full);
-            protocols.push((run.name(), run.metrics()?.scene.pose_protocol));
+            let of_scene = run.metrics()?.scene.pose_protocol;
+            protocols.push((run.name(), self.align.protocol(of_scene)));
             runs.push(run);
         }
         check_protocols(protocols.iter().map(|(name, p)| (name.as_str(), *p)))?;

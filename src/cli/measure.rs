@@ -40,6 +40,7 @@ impl MeasureArgs {
             } else {
                 Renders::Rounded
             },
+            ..EvalOptions::default()
         })
     }
 }

@@ -9,8 +9,8 @@ use crate::render::most_gaussians;
 /// Most storage buffers that a kernel binds (`project_backward`), and uniform buffers.
 pub const STORAGE_BUFFERS: u32 = 13;
 pub const UNIFORM_BUFFERS: u32 = 2;
-/// Most bytes that a workgroup shares (`loss_sum`).
-pub const WORKGROUP_BYTES: u32 = 512;
+/// Most bytes that a workgroup shares (`pose_backward`).
+pub const WORKGROUP_BYTES: u32 = 2048;
 
 /// The adapter and its limits.
 #[derive(Clone, Debug, Serialize)]

@@ -17,6 +17,7 @@ pub mod forward;
 pub mod host;
 pub mod image;
 pub mod loss;
+pub mod pose;
 pub mod stage;
 pub mod timing;
 pub mod view;

@@ -12,8 +12,8 @@ use crate::gpu::{Buffer, Commands, Gpu};
 use crate::reference::dropout::TwinDropout;
 use crate::reference::model::{TwinCamera, TwinGaussians};
 use crate::render::{
-    Bound, Capacity, Kernels, LossUniform, Model, Pass, Rendered, ViewUniform, Workspace,
-    read_rendered, read_totals,
+    Bound, Capacity, Kernels, LossUniform, Model, Pass, PoseKernels, Rendered, ViewUniform,
+    Workspace, read_rendered, read_totals,
 };
 use crate::train::optimizer::OptimizerKernels;
 
@@ -22,6 +22,7 @@ pub struct Context {
     pub gpu: Gpu,
     pub kernels: Kernels,
     pub optimizer: OptimizerKernels,
+    pub pose: PoseKernels,
 }
 
 impl Context {
@@ -38,6 +39,7 @@ impl Context {
         let context = Context {
             kernels: Kernels::from_sources(&gpu, sources),
             optimizer: OptimizerKernels::from_sources(&gpu, sources),
+            pose: PoseKernels::from_sources(&gpu, sources),
             gpu,
         };
         context.gpu.check()?;

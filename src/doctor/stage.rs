@@ -12,6 +12,7 @@ pub const LOSS: &str = "L1 + SSIM";
 pub const MASKED_LOSS: &str = "L1 + SSIM, masked";
 pub const RASTERIZE_BACKWARD: &str = "rasterize_backward";
 pub const PROJECT_BACKWARD: &str = "project_backward";
+pub const POSE_BACKWARD: &str = "pose_backward";
 pub const ADAM: &str = "Adam";
 pub const REARRANGE: &str = "rearrange";
 pub const RESET_OPACITY: &str = "reset_opacity";
@@ -19,7 +20,7 @@ pub const FIELD: &str = "field, on the CPU";
 pub const POINT_SPLAT: &str = "point splat, on the CPU";
 
 /// Every stage.
-pub const ALL: [&str; 16] = [
+pub const ALL: [&str; 17] = [
     PROJECT,
     DEPTH_KEYS,
     SCAN,
@@ -31,6 +32,7 @@ pub const ALL: [&str; 16] = [
     MASKED_LOSS,
     RASTERIZE_BACKWARD,
     PROJECT_BACKWARD,
+    POSE_BACKWARD,
     ADAM,
     REARRANGE,
     RESET_OPACITY,

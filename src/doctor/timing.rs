@@ -9,7 +9,7 @@ use super::{adam, changes, loss, stage};
 use crate::error::Result;
 use crate::gpu::{Commands, Profile};
 use crate::reference::cases::Random;
-use crate::render::{LossUniform, Pass, read_totals};
+use crate::render::{LossUniform, Pass, PoseGradient, read_totals};
 use crate::train::optimizer::StepUniform;
 
 /// Rounds of which the fastest counts.
@@ -144,6 +144,7 @@ pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<Vec<Timing>> {
         .collect();
     let (d_rgb, d_alpha) = weights.split_at(3 * n_pixels);
     rig.write_image(ctx, "d_rendered", d_rgb, d_alpha, 0.0);
+    let pose = PoseGradient::new(&ctx.gpu, &ctx.pose, &rig.workspace, &rig.model)?;
     let mut watch = Stopwatch::new(ctx);
     for _ in 0..ROUNDS {
         let pass = rig.pass(ctx);
@@ -152,6 +153,8 @@ pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<Vec<Timing>> {
             let seconds = watch.run(|commands| record(&pass, commands))?;
             *round.entry(stage).or_insert(0.0) += seconds;
         }
+        let moved = watch.run(|commands| pass.pose_backward(commands, &ctx.pose, &pose))?;
+        round.insert(stage::POSE_BACKWARD, moved);
         for (stage, seconds) in round {
             watch.keep(stage, seconds);
         }
@@ -167,6 +170,7 @@ pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<Vec<Timing>> {
         (stage::RASTERIZE, n_pairs, "pairs"),
         (stage::RASTERIZE_BACKWARD, n_pairs, "pairs"),
         (stage::PROJECT_BACKWARD, n, "Gaussians"),
+        (stage::POSE_BACKWARD, n, "Gaussians"),
     ]
     .map(|(stage, count, unit)| watch.timing(stage, count, unit))
     .to_vec())

@@ -3,6 +3,7 @@
 use super::finding::Findings;
 use super::forward::{self, ListLengths};
 use super::image::{self, Truth};
+use super::pose;
 use super::rig::{Context, Rig};
 use crate::error::Result;
 use crate::gpu::Commands;
@@ -132,8 +133,11 @@ pub fn examine(ctx: &Context, case: &ViewCase) -> Result<(Findings, ListLengths)
     rig.pass(ctx).rasterize(&mut commands);
     commands.submit();
     image::hold_image(&rig.read_rendered(ctx)?, &truth, bounds.image, &mut out);
-    let splats = (splats.as_slice(), gradients.splats.as_slice());
+    let d_splats = gradients.splats.as_slice();
+    let splats = (splats.as_slice(), d_splats);
     let ours = image::examine_backward(ctx, &rig, splats, &truth, bounds.gradient, &mut out)?;
     image::hold_gradients(&ours, gaussians, camera, &truth, bounds.gradient, &mut out);
+    let of = (gaussians, camera);
+    pose::examine(ctx, &rig, of, d_splats, bounds.gradient, &mut out)?;
     Ok((out, lengths))
 }

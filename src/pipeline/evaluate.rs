@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::align::{self, Aligned};
 use super::job::cloud_of;
 use super::prepare::carved;
 use super::{TrainJob, focus_of};
@@ -9,7 +10,7 @@ use crate::camera::Frame;
 use crate::config::Config;
 use crate::digest::sha256;
 use crate::error::{Error, Result, read_file};
-use crate::eval::{self, EvalOptions};
+use crate::eval::{self, Alignment, EvalOptions};
 use crate::gaussians::ply::read_ply;
 use crate::gpu::Gpu;
 use crate::metrics::quantize;
@@ -34,7 +35,12 @@ pub fn evaluation_at_hand(run: &RunDir, options: &EvalOptions) -> Result<Option<
     };
     let record = run.metrics()?.scene;
     let stamp = stamp_of(&record)?;
-    let mut now = measured(run, options, stamp, record.pose_protocol)?;
+    let mut now = measured(
+        run,
+        options,
+        stamp,
+        options.align.protocol(record.pose_protocol),
+    )?;
     now.image_px = held.image_px;
     if now.scene_stamp.is_none() {
         now.scene_stamp = held.scene_stamp.clone();
@@ -89,9 +95,17 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
     let gpu = Gpu::open()?;
     let kernels = Kernels::new(&gpu);
     let device = (&gpu, &kernels);
-    let what = (run, options, stamp, protocol);
-    let seen = (scene.test.as_slice(), cloud);
-    let evaluation = measure(device, seen, &frame, &config, what, metrics.seconds.train)?;
+    let what = (run, options, stamp, options.align.protocol(protocol));
+    let own = Seen {
+        views: &scene.test,
+        frame: &frame,
+    };
+    let aligned = match options.align {
+        Alignment::Shared => None,
+        _ => Some(align::by_similarity(run, &scene, &frame)?),
+    };
+    let train_s = metrics.seconds.train;
+    let evaluation = measure(device, (own, cloud), aligned, &config, what, train_s)?;
     write_run_page(run, &scene.test, &frame)?;
     Ok(evaluation)
 }
@@ -123,12 +137,19 @@ fn stamp_of(record: &SceneRecord) -> Result<Option<String>> {
     Ok(source.stamp(cloud_of(record)?.as_ref()))
 }
 
-/// Measures the model in `run` and the bare splat of `cloud` at the test `views` and writes what
-/// it finds.
+/// Test views and the canonical frame of what they show.
+#[derive(Clone, Copy)]
+pub(super) struct Seen<'a> {
+    pub views: &'a [View],
+    pub frame: &'a Frame,
+}
+
+/// Measures the model in `run` and the bare splat of `cloud` at the scene's test views and writes
+/// what it finds. The model is seen from the views as `aligned` where it does not share their frame.
 pub(super) fn measure(
     device: (&Gpu, &Kernels),
-    (views, cloud): (&[View], &PointCloud),
-    frame: &Frame,
+    (own, cloud): (Seen<'_>, &PointCloud),
+    aligned: Option<Aligned>,
     config: &Config,
     (run, options, scene_stamp, pose_protocol): (
         &RunDir,
@@ -139,7 +160,15 @@ pub(super) fn measure(
     train_s: Option<f64>,
 ) -> Result<Evaluation> {
     // The file, not the model in memory: what is measured is what others will open.
-    let gaussians = read_ply(&run.point_cloud())?.to_canonical(frame);
+    let gaussians = read_ply(&run.point_cloud())?;
+    let frame = aligned.as_ref().map_or(own.frame, |a| &a.frame);
+    let gaussians = gaussians.to_canonical(frame);
+    let fit = |aligned| align::fitted(device, &gaussians, config, options.align, aligned);
+    let aligned = aligned.map(fit).transpose()?;
+    let Seen { views, frame } = aligned.as_ref().map_or(own, |aligned| Seen {
+        views: &aligned.views,
+        frame: &aligned.frame,
+    });
     let names: Vec<&str> = views.iter().map(|view| view.camera.name.as_str()).collect();
     let files = file_names(&names, "png");
     let mut sheet = match views.first() {
@@ -173,7 +202,7 @@ pub(super) fn measure(
     }
     let mut evaluation = Evaluation::new(scores, gaussians.len(), train_s);
     if !views.is_empty() {
-        let splat = eval::score_point_splat(cloud, frame, views, config)?;
+        let splat = eval::score_point_splat(cloud, own.frame, own.views, config)?;
         evaluation.point_splat = Some(splat);
     }
     let mut measured = measured(run, options, scene_stamp, pose_protocol)?;

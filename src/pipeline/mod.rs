@@ -1,5 +1,6 @@
 //! The stages in a row, as the commands call them.
 
+mod align;
 mod depth;
 mod dry_run;
 mod evaluate;

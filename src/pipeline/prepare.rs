@@ -165,7 +165,7 @@ fn supervision(
     goals: Vec<Vec<u32>>,
 ) -> Supervision {
     let real = scene.train.iter().map(|view| {
-        TrainingView::photograph(frame.camera_to_canonical(&view.camera), texels(&view.image))
+        TrainingView::photograph(frame.camera_to_canonical(&view.camera), view.image.texels())
     });
     let virtual_views = virtual_views.iter().zip(goals).map(|(view, goal)| {
         TrainingView::masked(frame.camera_to_canonical(&view.camera), goal, view.alpha)
@@ -200,14 +200,6 @@ fn mean_color(views: &[View]) -> DVec3 {
         n += 255;
     }
     DVec3::from_array(sum.map(|s| s as f64 / n.max(1) as f64))
-}
-
-/// RGBA8 with alpha 255, red in the lowest byte.
-fn texels(image: &Image) -> Vec<u32> {
-    let pixels = image.rgb.chunks_exact(3);
-    pixels
-        .map(|p| u32::from_le_bytes([p[0], p[1], p[2], 255]))
-        .collect()
 }
 
 /// 3DGS's camera extent: 1.1 times the greatest distance of a camera from their mean.

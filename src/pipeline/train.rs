@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use super::evaluate::Seen;
 use super::keep::{Identity, Keeper, Log};
 use super::watch::{Curve, Watch, curve_point};
 use super::{Clock, Prepared, TrainJob, cameras, evaluate, prepare};
@@ -123,9 +124,19 @@ impl Task<'_> {
         let mut clock = Clock::start();
         let (config, frame) = (&job.config, &prepared.frame);
         let device = (gpu, &kernels);
-        let seen = (scene.test.as_slice(), self.cloud());
+        let own = Seen {
+            views: &scene.test,
+            frame,
+        };
         let what = (*run, self.options, self.stamp.clone(), scene.pose_protocol);
-        let evaluation = evaluate::measure(device, seen, frame, config, what, seconds.train)?;
+        let evaluation = evaluate::measure(
+            device,
+            (own, self.cloud()),
+            None,
+            config,
+            what,
+            seconds.train,
+        )?;
         seconds.eval = Some(clock.lap() + log.curve_s);
         let mut curve = log.curve;
         if job.eval_every.is_some() {

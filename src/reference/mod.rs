@@ -15,6 +15,7 @@ pub mod field;
 pub mod linalg;
 pub mod loss;
 pub mod model;
+pub mod pose;
 pub mod project;
 pub mod raster;
 pub mod sh;

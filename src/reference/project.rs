@@ -1,6 +1,8 @@
 //! Projection of a Gaussian to a splat, and its exact derivative to the raw parameters.
 
-use super::linalg::{Mat3, Vec3, apply, dot, mul, normalize, normalize_backward, sub, transpose};
+use super::linalg::{
+    Mat3, Vec3, apply, cross, dot, mul, normalize, normalize_backward, sub, transpose,
+};
 use super::model::{SplatGradient, TwinCamera, TwinGaussians, TwinSplat};
 use super::sh;
 
@@ -15,6 +17,8 @@ pub struct RawGradient {
     pub opacity_logit: f64,
     pub scale_log: Vec3,
     pub rotation_wxyz: [f64; 4],
+    /// To a small motion of the camera: its part of [`super::pose::pose_gradient`].
+    pub pose: [f64; 6],
 }
 
 /// Rotation matrix of a unit quaternion.
@@ -127,6 +131,7 @@ pub fn project_backward(
         opacity_logit: 0.0,
         scale_log: [0.0; 3],
         rotation_wxyz: [0.0; 4],
+        pose: [0.0; 6],
     };
     let splat = project(gaussians, i, camera);
     if !splat.valid {
@@ -200,5 +205,14 @@ pub fn project_backward(
     }
     let d_mean_geometry = apply(&transpose(&w), &d_p);
     out.mean = std::array::from_fn(|axis| d_mean_geometry[axis] + d_mean_color[axis]);
+
+    // A turn moves the camera-space point and W's rows, a shift the point and, seen from the
+    // centre, the direction of the colour.
+    let columns = (transpose(&wm), transpose(&d_wm));
+    let turns = columns.0.iter().zip(&columns.1).map(|(x, d)| cross(x, d));
+    let turn = turns.fold(cross(&p, &d_p), |sum, t| [0, 1, 2].map(|k| sum[k] + t[k]));
+    let d_color_point = apply(&w, &d_mean_color);
+    let shift: Vec3 = std::array::from_fn(|k| d_p[k] + d_color_point[k]);
+    out.pose = std::array::from_fn(|k| if k < 3 { turn[k] } else { shift[k - 3] });
     out
 }

@@ -2,12 +2,13 @@
 //!
 //! One view forward: project, sort by depth, bin (count), prefix sum, bin
 //! (emit), sort by tile, rasterize; backward:
-//! rasterize_backward, project_backward. Each is the WGSL stage of that name; the gradient path
+//! rasterize_backward, project_backward, and pose_backward where a camera moves, too. Each is the WGSL stage of that name; the gradient path
 //! holds no atomic float and every sum has a fixed order, so equal inputs give equal bits.
 
 mod kernels;
 mod model;
 mod pass;
+mod pose;
 mod renderer;
 mod uniforms;
 mod workspace;
@@ -15,6 +16,7 @@ mod workspace;
 pub use kernels::{Bound, Kernels};
 pub use model::{BLOCK_PLANES, Model, most_gaussians, n_blocks};
 pub use pass::Pass;
+pub use pose::{PoseGradient, PoseKernels};
 pub use renderer::{Rendered, Renderer, read_rendered};
 pub use uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 pub use workspace::{Capacity, Workspace, read_totals};

@@ -2,6 +2,7 @@
 
 use super::kernels::{Bound, Groups, Kernels, RadixGroups};
 use super::model::Model;
+use super::pose::{PoseGradient, PoseKernels};
 use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use super::workspace::{Workspace, n_chunks, n_partials};
 use crate::gpu::constants::{RADIX_BITS, SCAN_CHUNK, TOTAL_DIGITS, TOTAL_PAIRS};
@@ -218,5 +219,15 @@ impl<'a> Pass<'a> {
         };
         let (kernels, degree) = (&self.kernels.project_backward, self.sh_degree);
         commands.dispatch(&kernels[degree], &groups.project[degree], self.n());
+    }
+    /// The gradient with respect to the camera's pose, after [`Pass::backward`] of the step's first
+    /// view and before that of its second.
+    pub fn pose_backward(
+        &self,
+        commands: &mut Commands<'_>,
+        kernels: &PoseKernels,
+        pose: &PoseGradient,
+    ) {
+        pose.record(commands, kernels, (self.sh_degree, self.n()));
     }
 }

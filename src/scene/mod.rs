@@ -66,6 +66,16 @@ pub struct Image {
     pub rgb: Vec<u8>,
 }
 
+impl Image {
+    /// RGBA8 with alpha 255, red in the lowest byte.
+    pub fn texels(&self) -> Vec<u32> {
+        let pixels = self.rgb.chunks_exact(3);
+        pixels
+            .map(|p| u32::from_le_bytes([p[0], p[1], p[2], 255]))
+            .collect()
+    }
+}
+
 /// A DUSt3R-style point cloud in the scene's own frame; all arrays have one entry a point.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PointCloud {

@@ -5,7 +5,8 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 /// How the test cameras came into the frame of the training cameras. Figures under different
-/// protocols do not compare. Scenes have the first two; the others' runs are known to be kept apart.
+/// protocols do not compare. Scenes have the first two, evaluation makes
+/// the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PoseProtocol {

@@ -3,17 +3,20 @@
 //! [`schedule`] says what an iteration does, [`optimizer`] steps the parameters on the GPU,
 //! [`policy`] decides on the CPU which Gaussians come and go, [`trainer`] runs the loop, and
 //! [`checkpoint`] takes it apart and puts it together again between two iterations. [`supervision`]
-//! is what they learn from, and [`shell`] a background of Gaussians beyond the scene.
+//! is what they learn from, [`shell`] a background of Gaussians beyond the scene, and [`pose_adam`]
+//! moves cameras.
 
 pub mod checkpoint;
 pub mod optimizer;
 pub mod policy;
+pub mod pose_adam;
 pub mod schedule;
 pub mod shell;
 pub mod supervision;
 pub mod trainer;
 
 pub use checkpoint::{State, fingerprint};
+pub use pose_adam::PoseAdam;
 pub use shell::Shell;
 pub use supervision::{Supervision, TrainingView};
 pub use trainer::{Observer, PlanRecord, Trained, Trainer, train};

@@ -35,7 +35,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-const PLANTS: [Plant; 19] = [
+const PLANTS: [Plant; 22] = [
     plant(
         "project",
         "+ DILATION;",
@@ -114,6 +114,24 @@ const PLANTS: [Plant; 19] = [
         "1.0 - kept_share(view) * s1.y",
         "1.0 - s1.y",
         stage::PROJECT_BACKWARD,
+    ),
+    plant(
+        "pose_backward",
+        "d_mean -= color_to_mean",
+        "d_mean += color_to_mean",
+        stage::POSE_BACKWARD,
+    ),
+    plant(
+        "pose_backward",
+        "+ 0.5 * torque",
+        "+ torque",
+        stage::POSE_BACKWARD,
+    ),
+    plant(
+        "pose_backward",
+        "shifts[0] * w,",
+        "w * shifts[0],",
+        stage::POSE_BACKWARD,
     ),
     plant(
         "adam",

@@ -18,7 +18,7 @@ pub fn print(text: &str) {
 }
 
 /// What tables show: a stage, and the quantities of it (all that begin so).
-const COLUMNS: [(&str, &str); 9] = [
+const COLUMNS: [(&str, &str); 11] = [
     (stage::PROJECT, ""),
     (stage::RASTERIZE, ""),
     (stage::RASTERIZE_BACKWARD, ""),
@@ -28,6 +28,8 @@ const COLUMNS: [(&str, &str); 9] = [
     (stage::PROJECT_BACKWARD, "scale"),
     (stage::PROJECT_BACKWARD, "rotation"),
     (stage::PROJECT_BACKWARD, "screen"),
+    (stage::POSE_BACKWARD, "turn"),
+    (stage::POSE_BACKWARD, "shift"),
 ];
 
 /// The head of a table of [`row`]s: largest errors, images off fragile pixels.

@@ -7,6 +7,7 @@ mod npy;
 mod comparison;
 mod fixtures;
 mod loss;
+mod pose;
 mod project;
 mod raster;
 

@@ -2,7 +2,7 @@
 
 pub mod build;
 mod cloud;
-mod fixtures;
+pub mod fixtures;
 mod formats;
 mod hostile;
 mod images;

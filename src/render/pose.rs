@@ -1,0 +1,103 @@
+//! The gradient of a view's loss with respect to its camera's pose.
+//!
+//! A motion `(w, v)` of a camera takes what lies at `p` in its axes to `exp([w]x) p + v`: a turn
+//! `w` about the optical centre, in radians, then a shift `v`, in units of length
+//! ([`crate::camera::Camera::moved`]). The gradient is with respect to `(w, v)` at 0. With `p` a
+//! Gaussian's mean in these axes, `M = R S` its rotation and scales there, and `c` its colour,
+//!
+//! ```text
+//! dL/dv = sum dL/dp,    dL/dw = sum p x (dL/dp less its part through c) + sum_j M_j x dL/dM_j
+//! ```
+//!
+//! for a turn about the optical centre leaves the direction in which a Gaussian is seen, and so `c`.
+
+use super::model::Model;
+use super::workspace::Workspace;
+use crate::error::Result;
+use crate::gpu::constants::WORKGROUP;
+use crate::gpu::shader::{self, Sources};
+use crate::gpu::{Buffer, Commands, Gpu, Kernel};
+
+/// The kernels of this stage, which only moving cameras need.
+pub struct PoseKernels {
+    /// By active SH degree.
+    backward: [Kernel; 4],
+    total: Kernel,
+}
+
+impl PoseKernels {
+    pub fn new(gpu: &Gpu) -> PoseKernels {
+        Self::from_sources(gpu, &shader::compose)
+    }
+
+    /// Kernels of other sources than the program's.
+    pub fn from_sources(gpu: &Gpu, sources: Sources<'_>) -> PoseKernels {
+        let kernel = |entry: &'static str, degree: u32| {
+            let stage = "pose_backward";
+            Kernel::from_source(gpu, stage, entry, sources(stage, degree))
+        };
+        PoseKernels {
+            backward: [0, 1, 2, 3].map(|degree| kernel("pose_backward", degree)),
+            total: kernel("pose_total", 0),
+        }
+    }
+}
+
+/// The gradient's buffers and bind groups for a workspace and a model.
+pub struct PoseGradient {
+    sums: Buffer,
+    d_pose: Buffer,
+    backward: [wgpu::BindGroup; 4],
+    total: wgpu::BindGroup,
+}
+
+impl PoseGradient {
+    /// # Errors
+    /// A buffer that the adapter cannot bind.
+    pub fn new(
+        gpu: &Gpu,
+        kernels: &PoseKernels,
+        workspace: &Workspace,
+        model: &Model,
+    ) -> Result<PoseGradient> {
+        let n_blocks = model.stride.div_ceil(WORKGROUP as usize);
+        let sums = Buffer::storage::<[f32; 4]>(gpu, "pose_sums", 2 * n_blocks)?;
+        let d_pose = Buffer::storage::<[f32; 4]>(gpu, "d_pose", 2)?;
+        let mut names = workspace.names(model, 0);
+        names.extend([("pose_sums", &sums), ("d_pose", &d_pose)]);
+        let backward = kernels.backward.each_ref().map(|k| k.bind(gpu, &names));
+        let total = kernels.total.bind(gpu, &names);
+        Ok(PoseGradient {
+            sums,
+            d_pose,
+            backward,
+            total,
+        })
+    }
+
+    /// Records the kernels of an SH degree over `n` Gaussians.
+    pub(super) fn record(
+        &self,
+        commands: &mut Commands<'_>,
+        kernels: &PoseKernels,
+        (sh_degree, n): (usize, u64),
+    ) {
+        commands.dispatch(&kernels.backward[sh_degree], &self.backward[sh_degree], n);
+        commands.dispatch(&kernels.total, &self.total, 1);
+    }
+
+    /// Waits for the GPU; turn and shift.
+    ///
+    /// # Errors
+    /// A GPU fault.
+    pub fn read(&self, gpu: &Gpu) -> Result<[f64; 6]> {
+        let values: Vec<[f32; 4]> = self.d_pose.read(gpu, 2)?;
+        let at = |i: usize, k: usize| f64::from(values[i][k]);
+        Ok([at(0, 0), at(0, 1), at(0, 2), at(1, 0), at(1, 1), at(1, 2)])
+    }
+
+    /// For the doctor to spoil before they are written.
+    pub fn outputs(&self) -> [&Buffer; 2] {
+        [&self.sums, &self.d_pose]
+    }
+}
