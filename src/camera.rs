@@ -100,8 +100,8 @@ impl Camera {
 
 /// How far `R^T R` may be from the identity, in any entry: files hold few digits.
 const ROTATION_TOLERANCE: f64 = 1e-3;
-/// Up to here a matrix is taken as it is, so that what was written in full is read as it was.
-const ROUNDING: f64 = 1e-12;
+/// Up to here, f32's rounding, a matrix is taken as it is: what was written is what is read.
+const ROUNDING: f64 = 3e-7;
 
 /// The rotation that a matrix from a file stands for; none where it is no rotation.
 pub fn nearest_rotation(matrix: DMat3) -> Option<DMat3> {
