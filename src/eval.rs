@@ -14,9 +14,11 @@ use crate::gpu::Gpu;
 use crate::metrics::{self, FloatImage, Lpips, Pixels};
 use crate::progress::Progress;
 use crate::render::{Kernels, Model, Rendered, Renderer, ViewUniform};
-use crate::run::{LpipsRecord, MaskedScore, PointSplatScore, Renders, ViewScore, mean};
+use crate::run::{
+    CoveredScore, LpipsRecord, MaskedScore, PointSplatScore, Renders, ViewScore, mean,
+};
 use crate::scene::{Image, PointCloud, PoseProtocol, View};
-use crate::splat::splat_views;
+use crate::splat::{SplatImage, splat_views};
 
 /// How test cameras come into the frame of a run's model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -122,24 +124,35 @@ pub fn render_model(
     })
 }
 
-/// Errors of a render against its view's photograph, over all pixels and over the mask.
-pub fn score(rendered: &Rendered, view: &View, options: &EvalOptions) -> Result<ViewScore> {
+/// Errors of a render against its view's photograph: over all pixels, over the mask, and over
+/// the pixels that are set in `covered`, where it is given.
+pub fn score(
+    rendered: &Rendered,
+    view: &View,
+    covered: Option<&[bool]>,
+    options: &EvalOptions,
+) -> Result<ViewScore> {
     let &Rendered { width, height, .. } = rendered;
     let rgb = &rendered.rgb;
     let score = match options.renders {
         Renders::Rounded => {
             let image = metrics::quantize(width, height, rgb)?;
-            score_image(&image, view, options.lpips.as_ref())
+            score_image(&image, view, covered, options.lpips.as_ref())
         }
         Renders::Float => {
             let image = FloatImage { width, height, rgb };
-            score_image(&image, view, options.lpips.as_ref())
+            score_image(&image, view, covered, options.lpips.as_ref())
         }
     };
     score.map_err(|e: Error| e.at(&view.camera.name))
 }
 
-fn score_image(render: &impl Pixels, view: &View, lpips: Option<&Lpips>) -> Result<ViewScore> {
+fn score_image(
+    render: &impl Pixels,
+    view: &View,
+    covered: Option<&[bool]>,
+    lpips: Option<&Lpips>,
+) -> Result<ViewScore> {
     let truth = &view.image;
     Ok(ViewScore {
         name: view.camera.name.clone(),
@@ -150,7 +163,22 @@ fn score_image(render: &impl Pixels, view: &View, lpips: Option<&Lpips>) -> Resu
             Some(mask) => score_masked(render, truth, mask, lpips)?,
             None => None,
         },
+        covered: covered
+            .map(|covered| score_covered(render, truth, covered))
+            .transpose()?,
     })
+}
+
+fn score_covered(render: &impl Pixels, truth: &Image, covered: &[bool]) -> Result<CoveredScore> {
+    Ok(CoveredScore {
+        psnr: metrics::masked_psnr(render, truth, covered)?,
+        coverage: share(covered),
+    })
+}
+
+/// Of set pixels.
+fn share(mask: &[bool]) -> f64 {
+    mask.iter().filter(|&&set| set).count() as f64 / mask.len() as f64
 }
 
 /// An empty mask has no errors.
@@ -168,8 +196,33 @@ fn score_masked(
         psnr: Some(psnr),
         ssim: metrics::masked_ssim(render, truth, mask)?,
         lpips: lpips.transpose()?.flatten(),
-        coverage: mask.iter().filter(|&&set| set).count() as f64 / mask.len() as f64,
+        coverage: share(mask),
     }))
+}
+
+/// The pixels of each view on which the bare splat of `cloud` puts a point, splatted as the virtual
+/// views are.
+///
+/// # Errors
+/// What [`splat_views`] refuses.
+pub fn covered_pixels(
+    cloud: &PointCloud,
+    frame: &Frame,
+    views: &[View],
+    config: &Config,
+) -> Result<Vec<Vec<bool>>> {
+    let splats = splat_test_views(cloud, frame, views, config)?;
+    Ok(splats.iter().map(|splat| splat.mask().collect()).collect())
+}
+
+fn splat_test_views(
+    cloud: &PointCloud,
+    frame: &Frame,
+    views: &[View],
+    config: &Config,
+) -> Result<Vec<SplatImage>> {
+    let cameras: Vec<_> = views.iter().map(|view| view.camera.clone()).collect();
+    splat_views(cloud, frame, &cameras, &config.splat, config.model.near)
 }
 
 /// Errors of the bare point splat of a cloud at `views`, splatted as the virtual views are.
@@ -182,8 +235,7 @@ pub fn score_point_splat(
     views: &[View],
     config: &Config,
 ) -> Result<PointSplatScore> {
-    let cameras: Vec<_> = views.iter().map(|view| view.camera.clone()).collect();
-    let splats = splat_views(cloud, frame, &cameras, &config.splat, config.model.near)?;
+    let splats = splat_test_views(cloud, frame, views, config)?;
     let scores = splats.par_iter().zip(views).map(|(splat, view)| {
         let rgb = splat
             .rgba

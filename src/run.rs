@@ -23,8 +23,8 @@ mod stop;
 pub use crate::scene::PoseProtocol;
 pub use checkpoints::{Checkpoints, Found};
 pub use evaluation::{
-    Evaluation, LpipsRecord, MaskedMean, MaskedScore, Mean, Measured, PointSplatScore, Renders,
-    ViewScore, mean,
+    CoveredScore, Evaluation, LpipsRecord, MaskedMean, MaskedScore, Mean, Measured,
+    PointSplatScore, Renders, ViewScore, mean,
 };
 pub use names::file_names;
 pub use record::{

@@ -163,6 +163,14 @@ fn a_run_with_every_switch_of_its_views_and_cloud_is_evaluated_again_alike() {
     fs::remove_file(&eval).unwrap();
     run(folder.path(), &["eval", "run"]);
     assert_eq!(json(&eval)["point_splat"], trained["point_splat"]);
+    assert_eq!(json(&eval)["views"], trained["views"]);
+    // The covered pixels are those of the whole cloud, which has more of them.
+    let coverage = |of: &str| trained[of]["coverage"].as_f64().unwrap();
+    assert!(
+        coverage("mean_covered") > coverage("point_splat"),
+        "{trained}"
+    );
+    assert_ne!(trained["mean_covered"]["psnr"], trained["mean"]["psnr"]);
     assert_eq!(json(&eval)["mean"], trained["mean"]);
 }
 
@@ -187,6 +195,11 @@ fn a_run_on_another_cloud_and_split_is_evaluated_on_them_from_anywhere() {
     );
     let trained = at("eval.json");
     assert!(trained["point_splat"]["psnr"].is_number(), "{trained}");
+    // Nothing is carved, so that both clouds are the same.
+    assert_eq!(
+        trained["mean_covered"]["coverage"],
+        trained["point_splat"]["coverage"]
+    );
     fs::remove_file(folder.path().join("run/eval.json")).unwrap();
     let elsewhere = tempfile::tempdir().unwrap();
     let root = folder.path().join("run");

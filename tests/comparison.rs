@@ -4,8 +4,8 @@ use gspotential::config::Config;
 use gspotential::metrics::lpips::{InputRange, Net};
 use gspotential::report::{ComparedRun, Comparison, runs_csv, runs_json};
 use gspotential::run::{
-    Evaluation, LpipsRecord, MaskedScore, Measured, Memory, Metrics, PoseProtocol, Renders, RunDir,
-    SceneRecord, Seconds, ViewScore,
+    CoveredScore, Evaluation, LpipsRecord, MaskedScore, Measured, Memory, Metrics, PoseProtocol,
+    Renders, RunDir, SceneRecord, Seconds, ViewScore,
 };
 use serde_json::Value;
 
@@ -103,6 +103,10 @@ impl Made {
                 ssim: Some(0.9),
                 lpips: None,
                 coverage: 0.25,
+            }),
+            covered: self.masked.then_some(CoveredScore {
+                psnr: Some(psnr + 2.0),
+                coverage: 0.75,
             }),
         };
         let views = vec![view("t", self.psnr - 1.0), view("u", self.psnr + 1.0)];
@@ -350,7 +354,7 @@ fn lpips_of_different_nets_and_ranges_stand_apart() {
 }
 
 #[test]
-fn masked_figures_have_columns_of_their_own() {
+fn masked_and_covered_figures_have_columns_of_their_own() {
     let text = table(&[
         Made {
             masked: true,
@@ -359,8 +363,9 @@ fn masked_figures_have_columns_of_their_own() {
         BASELINE,
     ]);
     let cells = rows(&text);
-    assert_eq!(cells[0][5..8], ["25.00", "0.900", "n/a"]);
-    assert_eq!(cells[1][5..8], ["n/a", "n/a", "n/a"]);
+    assert_eq!(cells[0][5..9], ["25.00", "0.900", "n/a", "22.00"]);
+    assert_eq!(cells[1][5..9], ["n/a", "n/a", "n/a", "n/a"]);
+    assert!(text.contains("the same pixels for every run"), "{text}");
     assert!(text.contains("Masked: PSNR of the mask's pixels"), "{text}");
 }
 
@@ -433,6 +438,8 @@ fn json_and_csv_hold_every_field_of_every_run() {
         ("seed", 4.into()),
         ("masked_psnr_db", serde_json::json!(25.0)),
         ("n_masked_views", 2.into()),
+        ("covered_psnr_db", serde_json::json!(22.0)),
+        ("coverage", serde_json::json!(0.75)),
         ("time_s", serde_json::json!(101.0)),
         ("eval_s", serde_json::json!(7.0)),
         ("point_cloud_bytes", 2_500_000.into()),

@@ -181,6 +181,7 @@ fn evaluation_table_tells_infinite_from_not_measured() {
         ssim: Some(0.12345),
         lpips: None,
         masked: None,
+        covered: None,
     };
     let views = vec![view("a", f64::INFINITY), view("b", 21.456)];
     let text = evaluation_table("garden", &Evaluation::new(views, 1234, None));

@@ -4,8 +4,8 @@ use std::fs;
 
 use gspotential::config::Config;
 use gspotential::run::{
-    CurvePoint, Evaluation, ImageLoss, LossSample, MaskedScore, Memory, Metrics, ModelSize,
-    PoseProtocol, RunDir, SceneRecord, Seconds, ViewScore, file_names, peak_host_bytes,
+    CoveredScore, CurvePoint, Evaluation, ImageLoss, LossSample, MaskedScore, Memory, Metrics,
+    ModelSize, PoseProtocol, RunDir, SceneRecord, Seconds, ViewScore, file_names, peak_host_bytes,
 };
 use serde_json::Value;
 
@@ -20,6 +20,7 @@ fn view(name: &str, psnr: f64, ssim: f64) -> ViewScore {
         ssim: Some(ssim),
         lpips: None,
         masked: None,
+        covered: None,
     }
 }
 
@@ -111,13 +112,16 @@ fn evaluation_has_the_mean_of_the_views_values_and_null_for_the_rest() {
         serde_json::json!({
             "mean": {"psnr": 15.0, "ssim": 0.5, "lpips": null},
             "views": [
-                {"name": "a", "psnr": 10.0, "ssim": 0.25, "lpips": null, "masked": null},
-                {"name": "b", "psnr": 20.0, "ssim": 0.75, "lpips": null, "masked": null},
+                {"name": "a", "psnr": 10.0, "ssim": 0.25, "lpips": null, "masked": null,
+                 "covered": null},
+                {"name": "b", "psnr": 20.0, "ssim": 0.75, "lpips": null, "masked": null,
+                 "covered": null},
             ],
             "n_gaussians": 42,
             "train_s": 1.5,
             "point_splat": null,
             "mean_masked": null,
+            "mean_covered": null,
             "measured": null,
         })
     );
@@ -148,9 +152,26 @@ fn an_infinite_psnr_is_infinite_again_when_it_is_read() {
         lpips: None,
         coverage: 0.5,
     });
+    let covered = |psnr, coverage| Some(CoveredScore { psnr, coverage });
+    views[0].covered = covered(Some(f64::INFINITY), 0.5);
+    // Nothing is covered: a null that stays one.
+    views[1].covered = covered(None, 0.0);
     let evaluation = Evaluation::new(views, 42, None);
     run.write_evaluation(&evaluation).unwrap();
     assert_eq!(run.evaluation().unwrap(), evaluation);
+}
+
+#[test]
+fn covered_means_are_over_the_views_of_which_something_is_covered() {
+    let mut views = vec![view("a", 10.0, 0.5), view("b", 20.0, 0.5)];
+    let score = |psnr, coverage| Some(CoveredScore { psnr, coverage });
+    views[0].covered = score(Some(12.0), 0.5);
+    views[1].covered = score(None, 0.0);
+    let evaluation = Evaluation::new(views.clone(), 1, None);
+    assert_eq!(evaluation.mean_covered, score(Some(12.0), 0.25));
+    views[1].covered = score(Some(16.0), 1.0);
+    let evaluation = Evaluation::new(views, 1, None);
+    assert_eq!(evaluation.mean_covered, score(Some(14.0), 0.75));
 }
 
 #[test]

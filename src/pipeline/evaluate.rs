@@ -91,7 +91,10 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
         .map_err(|e| e.at_path(run.root()))?;
     let (_, frame) = focus_of(&scene)?;
     let carved = carved(&scene, &frame, &config)?;
-    let cloud = carved.as_ref().map_or(&scene.cloud, |c| &c.cloud);
+    let clouds = Clouds {
+        whole: &scene.cloud,
+        used: carved.as_ref().map_or(&scene.cloud, |c| &c.cloud),
+    };
     let gpu = Gpu::open()?;
     let kernels = Kernels::new(&gpu);
     let device = (&gpu, &kernels);
@@ -105,7 +108,7 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
         _ => Some(align::by_similarity(run, &scene, &frame)?),
     };
     let train_s = metrics.seconds.train;
-    let evaluation = measure(device, (own, cloud), aligned, &config, what, train_s)?;
+    let evaluation = measure(device, (own, clouds), aligned, &config, what, train_s)?;
     write_run_page(run, &scene.test, &frame)?;
     Ok(evaluation)
 }
@@ -144,11 +147,20 @@ pub(super) struct Seen<'a> {
     pub frame: &'a Frame,
 }
 
-/// Measures the model in `run` and the bare splat of `cloud` at the scene's test views and writes
+/// A scene's point cloud.
+#[derive(Clone, Copy)]
+pub(super) struct Clouds<'a> {
+    /// As the scene has it. The pixels that it covers are those of every run on the scene.
+    pub whole: &'a PointCloud,
+    /// What the run made of it before training.
+    pub used: &'a PointCloud,
+}
+
+/// Measures the model in `run` and the bare splat of the cloud at the scene's test views and writes
 /// what it finds. The model is seen from the views as `aligned` where it does not share their frame.
 pub(super) fn measure(
     device: (&Gpu, &Kernels),
-    (own, cloud): (Seen<'_>, &PointCloud),
+    (own, clouds): (Seen<'_>, Clouds<'_>),
     aligned: Option<Aligned>,
     config: &Config,
     (run, options, scene_stamp, pose_protocol): (
@@ -180,6 +192,7 @@ pub(super) fn measure(
         )?),
         None => None,
     };
+    let covered = eval::covered_pixels(clouds.whole, own.frame, own.views, config)?;
     let mut scores = Vec::with_capacity(views.len());
     eval::render_views(
         device,
@@ -193,7 +206,8 @@ pub(super) fn measure(
             if let Some(sheet) = &mut sheet {
                 sheet.add(&[&image, &view.image])?;
             }
-            scores.push(eval::score(rendered, view, options)?);
+            let covered = covered.get(scores.len()).map(Vec::as_slice);
+            scores.push(eval::score(rendered, view, covered, options)?);
             Ok(())
         },
     )?;
@@ -202,7 +216,7 @@ pub(super) fn measure(
     }
     let mut evaluation = Evaluation::new(scores, gaussians.len(), train_s);
     if !views.is_empty() {
-        let splat = eval::score_point_splat(cloud, own.frame, own.views, config)?;
+        let splat = eval::score_point_splat(clouds.used, own.frame, own.views, config)?;
         evaluation.point_splat = Some(splat);
     }
     let mut measured = measured(run, options, scene_stamp, pose_protocol)?;

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::evaluate::Seen;
+use super::evaluate::{Clouds, Seen};
 use super::keep::{Identity, Keeper, Log};
 use super::watch::{Curve, Watch, curve_point};
 use super::{Clock, Prepared, TrainJob, cameras, evaluate, prepare};
@@ -128,15 +128,13 @@ impl Task<'_> {
             views: &scene.test,
             frame,
         };
+        let clouds = Clouds {
+            whole: &scene.cloud,
+            used: self.cloud(),
+        };
         let what = (*run, self.options, self.stamp.clone(), scene.pose_protocol);
-        let evaluation = evaluate::measure(
-            device,
-            (own, self.cloud()),
-            None,
-            config,
-            what,
-            seconds.train,
-        )?;
+        let evaluation =
+            evaluate::measure(device, (own, clouds), None, config, what, seconds.train)?;
         seconds.eval = Some(clock.lap() + log.curve_s);
         let mut curve = log.curve;
         if job.eval_every.is_some() {

@@ -75,7 +75,7 @@ impl Observer for Watch<'_> {
             views,
             config,
             |view, render| {
-                scores.push(eval::score(render, view, &curve.options)?);
+                scores.push(eval::score(render, view, None, &curve.options)?);
                 Ok(())
             },
         )?;

@@ -2,7 +2,7 @@
 
 use super::table::{Table, escaped, figure};
 use crate::metrics::lpips::WEIGHTS_RECIPE;
-use crate::run::{Evaluation, Measured, Renders};
+use crate::run::{CoveredScore, Evaluation, Measured, Renders};
 
 /// A run's errors per test view and, in the last row, in the mean.
 pub fn view_table(evaluation: &Evaluation) -> Table {
@@ -13,16 +13,22 @@ pub fn view_table(evaluation: &Evaluation) -> Table {
     if evaluation.mean_masked.is_some() {
         header.extend(["masked PSNR dB", "masked SSIM", "masked LPIPS"]);
     }
+    if evaluation.mean_covered.is_some() {
+        header.extend(["covered PSNR dB", "covered %"]);
+    }
     let mut table = Table::new(&header);
     for view in &evaluation.views {
         let masked = view.masked.as_ref();
         let mut row = vec![view.name.clone()];
         row.extend(figures(view.psnr, view.ssim, view.lpips));
-        row.extend(figures(
-            masked.and_then(|m| m.psnr),
-            masked.and_then(|m| m.ssim),
-            masked.and_then(|m| m.lpips),
-        ));
+        if evaluation.mean_masked.is_some() {
+            row.extend(figures(
+                masked.and_then(|m| m.psnr),
+                masked.and_then(|m| m.ssim),
+                masked.and_then(|m| m.lpips),
+            ));
+        }
+        row.extend(view.covered.iter().flat_map(covered_figures));
         table.row(&row);
     }
     let mean = &evaluation.mean;
@@ -32,6 +38,7 @@ pub fn view_table(evaluation: &Evaluation) -> Table {
         let mean = masked.mean;
         row.extend(figures(mean.psnr, mean.ssim, mean.lpips));
     }
+    row.extend(evaluation.mean_covered.iter().flat_map(covered_figures));
     table.row(&row);
     table
 }
@@ -59,6 +66,9 @@ pub fn evaluation_table(run: &str, evaluation: &Evaluation) -> String {
         let (n, all) = (masked.n_views, evaluation.views.len());
         out += &format!("\n{}; {n} of {all} views have one\n", MASKED);
     }
+    if evaluation.mean_covered.is_some() {
+        out += &format!("\n{COVERED}\n");
+    }
     if let Some(measured) = &evaluation.measured {
         out += &format!("\n{}\n", how(measured));
         if measured.lpips.is_none() {
@@ -71,6 +81,10 @@ pub fn evaluation_table(run: &str, evaluation: &Evaluation) -> String {
 /// What the masked columns are.
 pub(super) const MASKED: &str = "Masked: PSNR of the mask's pixels, SSIM's map averaged over \
      them, LPIPS of both images black beyond the mask";
+
+/// What the covered columns are.
+pub(super) const COVERED: &str = "Covered: PSNR of the pixels on which the bare splat of the \
+     scene's whole cloud puts a point, the same pixels for every run, and their share";
 
 /// How figures were measured.
 pub(super) fn how(measured: &Measured) -> String {
@@ -86,6 +100,11 @@ pub(super) fn lpips_hint() -> String {
     format!(
         "LPIPS is n/a: --lpips-weights FILE measures it; make the file once: `{WEIGHTS_RECIPE}`"
     )
+}
+
+fn covered_figures(covered: &CoveredScore) -> [String; 2] {
+    let percent = format!("{:.1}", 100.0 * covered.coverage);
+    [figure(covered.psnr, 2), percent]
 }
 
 fn figures(psnr: Option<f64>, ssim: Option<f64>, lpips: Option<f64>) -> [String; 3] {

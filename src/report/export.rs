@@ -40,6 +40,8 @@ struct RunRecord<'a> {
     masked_psnr_db: Option<f64>,
     masked_ssim: Option<f64>,
     masked_lpips: Option<f64>,
+    covered_psnr_db: Option<f64>,
+    coverage: Option<f64>,
     point_splat_psnr_db: Option<f64>,
     point_splat_ssim: Option<f64>,
     point_splat_covered_psnr_db: Option<f64>,
@@ -67,6 +69,7 @@ impl<'a> RunRecord<'a> {
         let (metrics, evaluation, measured) = (&run.metrics, &run.evaluation, run.measured());
         let (scene, seconds, lpips) = (&metrics.scene, metrics.seconds, measured.lpips.as_ref());
         let masked = evaluation.mean_masked.as_ref();
+        let covered = evaluation.mean_covered;
         let splat = evaluation.point_splat.as_ref();
         RunRecord {
             run: run.name(),
@@ -96,6 +99,8 @@ impl<'a> RunRecord<'a> {
             masked_psnr_db: masked.and_then(|masked| masked.mean.psnr),
             masked_ssim: masked.and_then(|masked| masked.mean.ssim),
             masked_lpips: masked.and_then(|masked| masked.mean.lpips),
+            covered_psnr_db: covered.and_then(|covered| covered.psnr),
+            coverage: covered.map(|covered| covered.coverage),
             point_splat_psnr_db: splat.and_then(|splat| splat.psnr),
             point_splat_ssim: splat.and_then(|splat| splat.ssim),
             point_splat_covered_psnr_db: splat.and_then(|splat| splat.psnr_covered),
@@ -156,5 +161,7 @@ fn view(view: &ViewScore) -> Value {
         "masked_ssim": masked.and_then(|masked| masked.ssim),
         "masked_lpips": masked.and_then(|masked| masked.lpips),
         "mask_coverage": masked.map(|masked| masked.coverage),
+        "covered_psnr_db": view.covered.and_then(|covered| covered.psnr),
+        "coverage": view.covered.map(|covered| covered.coverage),
     })
 }

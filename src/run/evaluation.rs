@@ -18,6 +18,9 @@ pub struct Evaluation {
     /// Over the masks of the views that have one; null where none has.
     #[serde(default)]
     pub mean_masked: Option<MaskedMean>,
+    /// Over the covered pixels of the views that have some; null in files of older versions.
+    #[serde(default)]
+    pub mean_covered: Option<CoveredScore>,
     pub views: Vec<ViewScore>,
     pub n_gaussians: usize,
     /// Seconds of training alone.
@@ -117,6 +120,19 @@ pub struct ViewScore {
     /// Null for a view without a mask, or with an empty one.
     #[serde(default)]
     pub masked: Option<MaskedScore>,
+    /// Null in files of older versions.
+    #[serde(default)]
+    pub covered: Option<CoveredScore>,
+}
+
+/// Error over the pixels on which the bare splat of the scene's whole cloud puts a point: the same
+/// pixels whatever a run made of the cloud. What lies beyond them no method can know.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CoveredScore {
+    /// dB; null where no pixel is covered.
+    pub psnr: Option<f64>,
+    /// Share of the view's pixels.
+    pub coverage: f64,
 }
 
 /// Errors over a view's mask: PSNR of its pixels, SSIM's map averaged over them, LPIPS of both
@@ -135,6 +151,8 @@ impl Evaluation {
     /// With the means over `views`; a metric that a view lacks has no mean.
     pub fn new(views: Vec<ViewScore>, n_gaussians: usize, train_s: Option<f64>) -> Evaluation {
         let masked: Vec<MaskedScore> = views.iter().filter_map(|view| view.masked).collect();
+        let covered: Vec<CoveredScore> = views.iter().filter_map(|view| view.covered).collect();
+        let coverage = mean(covered.iter().map(|score| Some(score.coverage)));
         Evaluation {
             mean: Mean {
                 psnr: mean(views.iter().map(|view| view.psnr)),
@@ -149,6 +167,10 @@ impl Evaluation {
                     lpips: mean(masked.iter().map(|score| score.lpips)),
                 },
             }),
+            mean_covered: coverage.map(|coverage| CoveredScore {
+                psnr: mean(covered.iter().filter(|s| s.coverage > 0.0).map(|s| s.psnr)),
+                coverage,
+            }),
             views,
             n_gaussians,
             train_s,
@@ -157,17 +179,25 @@ impl Evaluation {
         }
     }
 
-    /// As it was before it was written: PSNR is always measured with SSIM, so a null beside one
-    /// is the infinite PSNR of identical images.
+    /// As it was before it was written: PSNR is always measured with SSIM, or where pixels are
+    /// covered, so a null beside one is the infinite PSNR of identical images.
     pub(super) fn with_infinities(mut self) -> Evaluation {
-        let restore = |psnr: &mut Option<f64>, ssim: Option<f64>| {
-            if psnr.is_none() && ssim.is_some() {
+        let restore = |psnr: &mut Option<f64>, beside: Option<f64>| {
+            if psnr.is_none() && beside.is_some() {
                 *psnr = Some(f64::INFINITY);
             }
         };
         restore(&mut self.mean.psnr, self.mean.ssim);
         if let Some(MaskedMean { mean, .. }) = &mut self.mean_masked {
             restore(&mut mean.psnr, mean.ssim);
+        }
+        let covered = self
+            .views
+            .iter_mut()
+            .filter_map(|view| view.covered.as_mut());
+        for score in covered.chain(&mut self.mean_covered) {
+            let measured = (score.coverage > 0.0).then_some(score.coverage);
+            restore(&mut score.psnr, measured);
         }
         for view in &mut self.views {
             restore(&mut view.psnr, view.ssim);

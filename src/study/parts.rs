@@ -1,7 +1,9 @@
 //! What the parts beyond the paper add, one by one and together.
 
 use super::plan::{Base, Variant};
-use super::quality::{LPIPS, PSNR, SCENE, SSIM, gain, psnr_at, quality, scenes};
+use super::quality::{
+    COVERED, LPIPS, PSNR, SCENE, SSIM, covered_psnr, gain, psnr_at, quality, scenes,
+};
 use super::runs::Results;
 use super::table::{Column, DataTable};
 use super::{Picture, Report, Study};
@@ -165,6 +167,7 @@ impl Study for Parts {
             PSNR,
             SSIM,
             LPIPS,
+            COVERED,
             Column::text("gain", "PSNR gain dB"),
         ];
         let rows = rows();
@@ -181,7 +184,8 @@ impl Study for Parts {
                     row.label.as_str().into(),
                 ];
                 let cells = head.into_iter().chain(quality(&scope, &row.variant));
-                table.row(cells.chain([gained.into()]));
+                let covered = scope.figure(&row.variant, covered_psnr);
+                table.row(cells.chain([covered.into(), gained.into()]));
             }
         }
         let mut plot = Plot::new(

@@ -9,10 +9,16 @@ pub const SCENE: Column = Column::text("scene", "scene");
 pub const PSNR: Column = Column::figure("psnr", "PSNR dB", 2);
 pub const SSIM: Column = Column::figure("ssim", "SSIM", 3);
 pub const LPIPS: Column = Column::figure("lpips", "LPIPS", 3);
+pub const COVERED: Column = Column::figure("psnr_covered", "covered PSNR dB", 2);
 
 /// dB.
 pub fn psnr(run: &Finished) -> Option<f64> {
     run.evaluation.mean.psnr
+}
+
+/// Over the pixels that the scene's cloud covers; dB.
+pub fn covered_psnr(run: &Finished) -> Option<f64> {
+    run.evaluation.mean_covered?.psnr
 }
 
 pub fn ssim(run: &Finished) -> Option<f64> {

@@ -113,7 +113,7 @@ pub fn measure(
     let config = &run.job.config.model;
     let mut scores = Vec::with_capacity(views.len());
     eval::render_views(device, &gaussians, frame, views, config, |view, render| {
-        scores.push(eval::score(render, view, options)?);
+        scores.push(eval::score(render, view, None, options)?);
         Ok(())
     })?;
     let train_s = run.evaluation.train_s;

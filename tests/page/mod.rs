@@ -96,6 +96,7 @@ fn finished(root: &Path, name: &str) -> RunDir {
         ssim: Some(0.5),
         lpips: None,
         masked: None,
+        covered: None,
     };
     run.write_evaluation(&Evaluation::new(vec![score], 1, Some(7.0)))
         .unwrap();

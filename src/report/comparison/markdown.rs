@@ -3,9 +3,9 @@
 use std::fmt;
 
 use super::{Block, ComparedRun, Comparison, Row};
-use crate::report::evaluation::{MASKED, how, lpips_hint};
+use crate::report::evaluation::{COVERED, MASKED, how, lpips_hint};
 use crate::report::table::{Table, escaped};
-use crate::run::{LpipsRecord, Mean};
+use crate::run::{CoveredScore, LpipsRecord, Mean};
 use crate::stats::Figure;
 
 /// A column of figures.
@@ -97,6 +97,11 @@ fn columns(runs: &[ComparedRun]) -> Vec<Column> {
         ]);
         columns.extend(lpips_columns(runs, "masked ", |run| masked(run)?.lpips));
     }
+    if runs.iter().any(|run| covered(run).is_some()) {
+        columns.push(Column::new("covered PSNR dB", Higher, 2, |run| {
+            covered(run)?.psnr
+        }));
+    }
     columns.extend([
         Column::new("time s", Lower, 1, |run| run.metrics.seconds.to_model()),
         Column::new("Gaussians", Neither, 0, |run| {
@@ -111,6 +116,10 @@ fn columns(runs: &[ComparedRun]) -> Vec<Column> {
 
 fn any_masked(runs: &[ComparedRun]) -> bool {
     runs.iter().any(|run| masked(run).is_some())
+}
+
+fn covered(run: &ComparedRun) -> Option<CoveredScore> {
+    run.evaluation.mean_covered
 }
 
 fn masked(run: &ComparedRun) -> Option<Mean> {
@@ -229,6 +238,9 @@ impl Comparison<'_> {
         notes.push(self.what_figures_are());
         if any_masked(self.runs) {
             notes.push(format!("{MASKED}."));
+        }
+        if self.runs.iter().any(|run| covered(run).is_some()) {
+            notes.push(format!("{COVERED}."));
         }
         notes.extend(self.differing("adapters", |run| &run.metrics.adapter));
         notes.extend(self.differing("versions", |run| &run.metrics.version));
