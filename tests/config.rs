@@ -79,7 +79,6 @@ fn own_preset_differs_from_the_paper_in_its_parts_alone() {
         "coverage.densify=false",
         "coverage.prune=false",
         "densify.enabled=false",
-        "dropout.rate_end=0.2",
         "loss.fill_weight=0.3",
         "shell.count=500",
         "views.visibility.enabled=true",

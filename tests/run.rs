@@ -265,6 +265,7 @@ fn metrics_read_back_and_keep_what_may_vary_apart() {
         curve: vec![CurvePoint {
             iteration: 5,
             n_gaussians: 3,
+            train_s: Some(0.5),
             psnr: Some(20.5),
             ssim: None,
         }],

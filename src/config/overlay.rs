@@ -14,12 +14,12 @@ use crate::error::{Error, Result, read_file};
 /// Name and text of every preset; the first is the default. Those of the ablation state what
 /// they change and from what, the others every value.
 pub const PRESETS: &[(&str, &str)] = &[
-    ("paper", include_str!("../../configs/paper.json")),
-    ("3dgs", include_str!("../../configs/3dgs.json")),
     (
         "gspotential",
         include_str!("../../configs/gspotential.json"),
     ),
+    ("paper", include_str!("../../configs/paper.json")),
+    ("3dgs", include_str!("../../configs/3dgs.json")),
     (
         "ablation-virtual",
         include_str!("../../configs/ablation/virtual.json"),
@@ -70,7 +70,7 @@ impl Config {
     }
 
     /// The config of a file: a JSON object that states what it changes and, under `"preset"`,
-    /// what it changes it from (`paper` unless stated). The `config.json` of a run is one, too.
+    /// what it changes it from (`gspotential` unless stated). The `config.json` of a run is one, too.
     /// The values' ranges are left to [`Config::validate`].
     pub fn from_file(path: &Path) -> Result<Config> {
         let bytes = read_file(path)?;

@@ -28,9 +28,11 @@ impl Key {
 /// What a preset is for, one line; empty for an unknown one.
 pub fn summary(preset: &str) -> &'static str {
     match preset {
-        "paper" => "the method: virtual views, coverage-aware pruning and densification",
+        "paper" => "the paper's method: virtual views, coverage-aware pruning and densification",
         "3dgs" => "the baseline: the same cloud and settings, no virtual views, no coverage rules",
-        "gspotential" => "the parts beyond the paper in place of densification and coverage rules",
+        "gspotential" => {
+            "our best: visibility-weighted views, carving, filled holes, a far shell; no densification"
+        }
         "ablation-virtual" => {
             "ablation: virtual views between photographs, no field, no coverage rules"
         }

@@ -49,6 +49,7 @@ pub(super) fn curve_point(iteration: u32, evaluation: &Evaluation) -> CurvePoint
     CurvePoint {
         iteration,
         n_gaussians: evaluation.n_gaussians,
+        train_s: evaluation.train_s,
         psnr: evaluation.mean.psnr,
         ssim: evaluation.mean.ssim,
     }
@@ -61,6 +62,7 @@ impl Observer for Watch<'_> {
     }
 
     fn inspect(&mut self, done: u32, model: &Model) -> Result<()> {
+        let train_s = self.train_s();
         let Some(curve) = &mut self.curve else {
             return Ok(());
         };
@@ -79,7 +81,7 @@ impl Observer for Watch<'_> {
                 Ok(())
             },
         )?;
-        let evaluation = Evaluation::new(scores, model.n, None);
+        let evaluation = Evaluation::new(scores, model.n, Some(train_s));
         self.log.curve.push(curve_point(done, &evaluation));
         self.log.curve_s += start.elapsed().as_secs_f64();
         Ok(())

@@ -31,6 +31,9 @@ pub struct CurvePoint {
     /// Number of finished iterations.
     pub iteration: u32,
     pub n_gaussians: usize,
+    /// Seconds of training alone until then; null in files of older versions.
+    #[serde(default)]
+    pub train_s: Option<f64>,
     /// dB; null for an identical image.
     pub psnr: Option<f64>,
     pub ssim: Option<f64>,

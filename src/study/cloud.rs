@@ -2,7 +2,7 @@
 //! figure).
 
 use super::plan::{Base, Variant};
-use super::quality::{LPIPS, PSNR, SCENE, SSIM, gain, psnr, quality};
+use super::quality::{LPIPS, PSNR, SCENE, SSIM, gain, peak, psnr, quality};
 use super::runs::{Finished, Results, Scope};
 use super::table::{Cell, Column, DataTable};
 use super::{Picture, Report, Study};
@@ -217,13 +217,6 @@ fn label(start: &str, thinning: usize) -> String {
 
 fn points(run: &Finished) -> Option<f64> {
     run.job.config.scene.max_points.map(|n| n as f64)
-}
-
-/// Iteration and PSNR of a curve's highest point.
-fn peak(run: &Finished) -> Option<(f64, f64)> {
-    let points = run.metrics.curve.iter();
-    let points = points.filter_map(|point| Some((f64::from(point.iteration), point.psnr?)));
-    points.reduce(|a, b| if b.1 > a.1 { b } else { a })
 }
 
 /// PSNR against iterations, the mean over the scenes and seeds.

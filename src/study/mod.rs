@@ -11,6 +11,7 @@ mod output;
 mod parts;
 mod plan;
 mod potential;
+mod presets;
 mod quality;
 mod runs;
 mod sampling;
@@ -47,6 +48,8 @@ pub enum StudyName {
     Potential,
     /// What the parts beyond the paper add, one by one and together
     Parts,
+    /// The presets side by side, over iterations and over seconds
+    Presets,
     /// What quality costs: SH degree, Gaussians, virtual views, iterations, resolution
     Need,
 }
@@ -61,6 +64,7 @@ impl StudyName {
             StudyName::Kernel => "kernel",
             StudyName::Potential => "potential",
             StudyName::Parts => "parts",
+            StudyName::Presets => "presets",
             StudyName::Need => "need",
         }
     }
@@ -74,6 +78,7 @@ impl StudyName {
             StudyName::Kernel => &kernel::KernelStudy,
             StudyName::Potential => &potential::Potential,
             StudyName::Parts => &parts::Parts,
+            StudyName::Presets => &presets::Presets,
             StudyName::Need => &need::Need,
         }
     }

@@ -29,6 +29,13 @@ pub fn lpips(run: &Finished) -> Option<f64> {
     run.evaluation.mean.lpips
 }
 
+/// Iteration and PSNR of a curve's highest point.
+pub fn peak(run: &Finished) -> Option<(f64, f64)> {
+    let points = run.metrics.curve.iter();
+    let points = points.filter_map(|point| Some((f64::from(point.iteration), point.psnr?)));
+    points.reduce(|a, b| if b.1 > a.1 { b } else { a })
+}
+
 /// Cells under [`PSNR`], [`SSIM`] and [`LPIPS`].
 pub fn quality(scope: &Scope, variant: &str) -> [Cell; 3] {
     [

@@ -159,6 +159,9 @@ impl Outcome {
             metrics[key] = Value::Null;
         }
         evaluation["train_s"] = Value::Null;
+        for point in metrics["curve"].as_array_mut().into_iter().flatten() {
+            point["train_s"] = Value::Null;
+        }
         Outcome {
             point_cloud: read("point_cloud.ply"),
             metrics,

@@ -115,6 +115,7 @@ fn metrics(name: &str) -> Metrics {
     let curve = |iteration, psnr| CurvePoint {
         iteration,
         n_gaussians: 1,
+        train_s: None,
         psnr: Some(psnr),
         ssim: Some(0.5),
     };

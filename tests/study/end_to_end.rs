@@ -84,6 +84,8 @@ fn every_study_reports_in_text_numbers_and_pictures_and_trains_nothing_twice() {
         ("potential", 8, 0),
         // 3DGS and its own are there, as is the paper's; the base, 6 with, 6 without, densified.
         ("parts", 3 + 1 + 6 + 1 + 6, 2 + 6 + 6 + 1),
+        // With curves, so of their own.
+        ("presets", 3, 3),
         // All; 3 degrees, 5 caps, 4 counts, 3 lengths and a half of 32 px.
         ("need", 1 + 3 + 5 + 4 + 3 + 1, 3 + 5 + 4 + 3 + 1),
     ] {

@@ -1,0 +1,139 @@
+//! The presets side by side: how good, how soon, and whether training on makes them worse.
+
+use super::plan::{Base, Variant};
+use super::quality::{
+    COVERED, LPIPS, PSNR, SCENE, SSIM, covered_psnr, gain, peak, quality, scenes,
+};
+use super::runs::{Finished, Results, Scope};
+use super::table::{Column, DataTable};
+use super::{Picture, Report, Study, file_name};
+use crate::error::Result;
+use crate::pipeline::TrainJob;
+use crate::report::plot::{Axis, Plot, Point, Style};
+use crate::run::CurvePoint;
+use crate::stats::Figure;
+
+/// The baseline first: gains are over it.
+const PRESETS: [&str; 3] = ["3dgs", "paper", "gspotential"];
+
+/// Points of a curve, the start aside.
+const N_CURVE: u32 = 20;
+
+const COLUMNS: [Column; 11] = [
+    SCENE,
+    Column::text("preset", "preset"),
+    PSNR,
+    SSIM,
+    LPIPS,
+    COVERED,
+    Column::text("gain", "over 3dgs, dB"),
+    Column::figure("best_psnr", "best PSNR dB", 2),
+    Column::figure("lost", "best - last, dB", 2),
+    Column::figure("n_gaussians", "Gaussians", 0),
+    Column::figure("train_s", "training s", 1),
+];
+
+pub struct Presets;
+
+impl Study for Presets {
+    fn question(&self) -> &'static str {
+        "How the presets compare on the same scenes: errors at the end, the best on the way and \
+         what training on lost of it, and how soon PSNR is where."
+    }
+
+    fn variants(&self, base: &Base) -> Result<Vec<Variant>> {
+        let variants = base.presets(&PRESETS)?.into_iter();
+        let with_curve = variants.map(|Variant { name, job }| Variant {
+            // Other studies have them without a curve.
+            name: format!("curve-{name}"),
+            job: TrainJob {
+                eval_every: Some((job.config.iterations / N_CURVE).max(1)),
+                ..job
+            },
+        });
+        Ok(with_curve.collect())
+    }
+
+    fn report(&self, results: &Results) -> Result<Report> {
+        let mut table = DataTable::new("presets", &COLUMNS);
+        for scope in results.scopes() {
+            for preset in PRESETS {
+                let variant = &variant(preset);
+                let figure = |of: &dyn Fn(&Finished) -> Option<f64>| scope.figure(variant, of);
+                let gained = match preset == PRESETS[0] {
+                    true => String::new(),
+                    false => gain(&scope, variant, &self::variant(PRESETS[0])),
+                };
+                let head = [scope.name.clone().into(), preset.into()];
+                let cells = head.into_iter().chain(quality(&scope, variant)).chain([
+                    figure(&covered_psnr).into(),
+                    gained.into(),
+                    figure(&|run| Some(peak(run)?.1)).into(),
+                    figure(&|run| Some(peak(run)?.1 - run.evaluation.mean.psnr?)).into(),
+                    figure(&|run| Some(run.evaluation.n_gaussians as f64)).into(),
+                    figure(&|run| run.metrics.seconds.train).into(),
+                ]);
+                table.row(cells);
+            }
+        }
+        let mut pictures = Vec::new();
+        for scope in scenes(results) {
+            for (by, label) in [("iterations", "iterations"), ("seconds", "training, s")] {
+                let of = |point: &CurvePoint| match by {
+                    "iterations" => Some(f64::from(point.iteration)),
+                    _ => point.train_s,
+                };
+                pictures.push(Picture {
+                    name: file_name(&["presets", by, &scope.name]),
+                    svg: curves(results, &scope, (by, label), of)?,
+                });
+            }
+        }
+        Ok(Report {
+            tables: vec![table],
+            pictures,
+            notes: vec![
+                "Seconds are of training alone, without the measuring on the way; curves are \
+                 means over the seeds."
+                    .to_owned(),
+            ],
+        })
+    }
+}
+
+fn variant(preset: &str) -> String {
+    format!("curve-{preset}")
+}
+
+/// PSNR of every preset against what `at` says of a point.
+fn curves(
+    results: &Results,
+    scope: &Scope,
+    (by, label): (&str, &str),
+    at: impl Fn(&CurvePoint) -> Option<f64>,
+) -> Result<String> {
+    let title = format!("PSNR by {by}, {}", scope.name);
+    let mut plot = Plot::new(
+        &title,
+        Axis::linear(label),
+        Axis::linear("PSNR at the test views, dB"),
+    );
+    for preset in PRESETS {
+        let variant = variant(preset);
+        let of_variant = |run: &&Finished| run.variant == variant;
+        let n_points = results.runs.iter().find(of_variant);
+        let n_points = n_points.map_or(0, |run| run.metrics.curve.len());
+        let point = |i: usize| {
+            let x = scope.figure(&variant, |run| at(run.metrics.curve.get(i)?))?;
+            let y: Figure = scope.figure(&variant, |run| run.metrics.curve.get(i)?.psnr)?;
+            Some(Point {
+                x: x.mean,
+                y: y.mean,
+                spread: y.deviation,
+            })
+        };
+        let points = (0..n_points).filter_map(point).collect();
+        plot = plot.with(preset, Style::Curve, points);
+    }
+    plot.to_svg()
+}
