@@ -149,6 +149,9 @@ pub struct VisibilityConfig {
     /// A training camera sees a point that lies at most this share of the depth behind the
     /// nearest one in its pixel.
     pub depth_tolerance: f64,
+    /// Pixels of the virtual views whose point no training camera sees from within this angle,
+    /// whatever `enabled` says, count as holes; null: none does.
+    pub mask_angle_deg: Option<f64>,
 }
 
 /// Point splatting of the cloud into the virtual views.

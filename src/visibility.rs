@@ -138,8 +138,9 @@ impl Visibility {
         }
     }
 
-    /// Whether some training camera sees the point from within the greatest angle of `eye`.
-    fn is_seen(&self, point: usize, eye: DVec3) -> bool {
+    /// Whether some training camera sees the point of this index from within the greatest angle of
+    /// `eye`, canonical.
+    pub fn is_seen(&self, point: usize, eye: DVec3) -> bool {
         let x = self.positions[point];
         let to_eye = eye - x;
         self.seen_by[self.first[point]..self.first[point + 1]]

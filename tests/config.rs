@@ -82,6 +82,7 @@ fn own_preset_differs_from_the_paper_in_its_parts_alone() {
         "loss.fill_weight=0.3",
         "shell.count=500",
         "views.visibility.enabled=true",
+        "views.visibility.mask_angle_deg=80.0",
     ];
     assert_eq!(told, expected);
 }
@@ -218,7 +219,8 @@ fn config_files_overlay_the_preset_that_they_name() {
     expected.iterations = 7;
     expected.loss.ssim_weight = 0.5;
     assert_eq!(config.unwrap(), expected);
-    assert_eq!(file("{}").unwrap(), paper());
+    let default = Config::preset("gspotential").unwrap();
+    assert_eq!(file("{}").unwrap(), default);
 }
 
 #[test]

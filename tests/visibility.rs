@@ -369,3 +369,41 @@ fn one_camera_coincident_and_opposed_cameras_support_their_own_sides() {
     let top = camera(dvec3(0.0, 0.2, 3.0), DVec3::ZERO);
     assert_eq!(share(&opposed, &top), 0.0, "90 degrees from both");
 }
+
+#[test]
+fn masked_virtual_views_keep_the_pixels_whose_points_cameras_see() {
+    let scene = builtin();
+    let mut config = paper();
+    config.field.n_candidates = 512;
+    config.views.count = 16;
+    let train = cameras(&scene);
+    let kept = |mask_angle_deg: Option<f64>| {
+        let mut config = config.clone();
+        config.views.visibility.mask_angle_deg = mask_angle_deg;
+        let prepared = prepare(&scene, &config, &mut Seconds::default()).unwrap();
+        let seen = VisibilityConfig {
+            max_angle_deg: mask_angle_deg.unwrap_or(180.0),
+            ..config.views.visibility.clone()
+        };
+        let (cloud, frame) = (&scene.cloud, &prepared.frame);
+        let seen = Visibility::new(cloud, cloud, frame, &train, &seen, NEAR).unwrap();
+        let cameras = &prepared.virtual_cameras;
+        let supports = seen.measure(cameras, &config.splat).unwrap();
+        let mut total = 0;
+        for (view, support) in prepared.supervision.virtual_views.iter().zip(supports) {
+            let n_set = view.goal.iter().filter(|texel| **texel != 0).count();
+            let share = match mask_angle_deg {
+                Some(_) => support.coverage * support.visible_share,
+                None => support.coverage,
+            };
+            assert_eq!(n_set, (share * view.goal.len() as f64).round() as usize);
+            assert_eq!(view.total_weight, n_set as f64);
+            total += n_set;
+        }
+        total
+    };
+    let [all, seen_at_all, within_60, within_20] =
+        [None, Some(180.0), Some(60.0), Some(20.0)].map(kept);
+    assert!(all > seen_at_all && seen_at_all > within_60 && within_60 > 2 * within_20);
+    assert!(within_20 > 0);
+}

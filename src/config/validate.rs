@@ -106,6 +106,14 @@ impl Config {
             visibility.max_angle_deg,
             "above 0, at most 180",
         )?;
+        if let Some(angle) = visibility.mask_angle_deg {
+            ensure(
+                angle > 0.0 && angle <= 180.0,
+                "views.visibility.mask_angle_deg",
+                angle,
+                "null, or above 0 and at most 180",
+            )?;
+        }
         // Beyond, small shares leave no weight that a number can hold.
         within("views.visibility.power", visibility.power, 0.0..=16.0)?;
         within(

@@ -7,17 +7,17 @@ use rayon::prelude::*;
 use super::{Clock, cameras, focus_of};
 use crate::camera::{Camera, Frame};
 use crate::carve::{Carved, carve};
-use crate::config::Config;
+use crate::config::{Config, VisibilityConfig};
 use crate::error::Result;
 use crate::field::{Coverage, Field, Focus, fibonacci_sphere};
 use crate::gaussians::Gaussians;
 use crate::progress::Progress;
 use crate::run::Seconds;
 use crate::scene::{Image, PointCloud, Scene, View, thin};
-use crate::splat::{SplatImage, fill_holes, splat_views};
+use crate::splat::{SplatImage, fill_holes, splat_where};
 use crate::train::{Shell, Supervision, TrainingView};
 use crate::views::{VirtualView, candidates, virtual_views};
-use crate::visibility::candidate_shares;
+use crate::visibility::{Visibility, candidate_shares};
 
 /// Most portions that splatting is done in: each goes through all points once to place them.
 const N_PORTIONS: usize = 16;
@@ -55,7 +55,7 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     let virtual_views = choose_views(&train_cameras, (&focus, &field), cloud, config)?;
     let virtual_cameras: Vec<Camera> = virtual_views.iter().map(|v| v.camera.clone()).collect();
     seconds.sample = Some(clock.lap());
-    let splats = splatted(cloud, &frame, &virtual_cameras, config)?;
+    let splats = splatted(cloud, &frame, (&virtual_cameras, &train_cameras), config)?;
     let goals = virtual_goals(splats, config.loss.fill_weight);
     seconds.splat = Some(clock.lap());
 
@@ -131,25 +131,33 @@ pub(super) fn choose_views(
     virtual_views(train, focus, field, shares.as_deref(), config)
 }
 
-/// The cloud in the virtual views, portion by portion to show how far it is.
+/// The cloud in the virtual views, as far as the training cameras see it where `config` asks for
+/// that; portion by portion to show how far it is.
 fn splatted(
     cloud: &PointCloud,
     frame: &Frame,
-    cameras: &[Camera],
+    (cameras, train): (&[Camera], &[Camera]),
     config: &Config,
 ) -> Result<Vec<SplatImage>> {
+    let near = config.model.near;
+    let visibility = &config.views.visibility;
+    let seen = visibility.mask_angle_deg.map(|max_angle_deg| {
+        let within = VisibilityConfig {
+            max_angle_deg,
+            ..visibility.clone()
+        };
+        Visibility::new(cloud, cloud, frame, train, &within, near)
+    });
+    let seen = seen.transpose()?;
+    let shows =
+        |point: usize, eye: DVec3| seen.as_ref().is_none_or(|seen| seen.is_seen(point, eye));
     let n_least = 4 * rayon::current_num_threads();
     let portion = cameras.len().div_ceil(N_PORTIONS).max(n_least);
     let mut progress = Progress::stage("splatting", cameras.len() as u32);
     let mut splats = Vec::with_capacity(cameras.len());
     for part in cameras.chunks(portion) {
-        splats.extend(splat_views(
-            cloud,
-            frame,
-            part,
-            &config.splat,
-            config.model.near,
-        )?);
+        let part = splat_where(cloud, frame, part, &config.splat, near, shows)?;
+        splats.extend(part);
         progress.advance(splats.len() as u32);
     }
     progress.finish();

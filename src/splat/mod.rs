@@ -9,6 +9,7 @@ pub use fill::fill_holes;
 pub(crate) use filter::Filter;
 pub(crate) use z_buffer::{Points, Winner, ZBuffer};
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::camera::{Camera, Frame};
@@ -60,6 +61,22 @@ pub fn splat_views(
     config: &SplatConfig,
     near: f64,
 ) -> Result<Vec<SplatImage>> {
+    splat_where(cloud, frame, cameras, config, near, |_, _| true)
+}
+
+/// [`splat_views`] in which a pixel is left empty whose point's index and camera's canonical
+/// centre `shows` refuses.
+///
+/// # Errors
+/// As [`splat_views`].
+pub fn splat_where(
+    cloud: &PointCloud,
+    frame: &Frame,
+    cameras: &[Camera],
+    config: &SplatConfig,
+    near: f64,
+    shows: impl Fn(usize, DVec3) -> bool + Sync,
+) -> Result<Vec<SplatImage>> {
     check(cameras, config)?;
     let mut points = Points::new(cloud, frame)?;
     if let Some(confidence) = cloud.relative_confidence() {
@@ -71,9 +88,12 @@ pub fn splat_views(
             let camera = frame.camera_to_canonical(camera);
             points.draw(&camera, config.size_px, near, z_buffer);
             let mut rgba = vec![0; 4 * z_buffer.winners().len()];
+            let eye = camera.center();
             filter.kept(z_buffer, config, |pixel, winner| {
-                let [r, g, b] = cloud.colors[winner.point];
-                rgba[4 * pixel..][..4].copy_from_slice(&[r, g, b, 255]);
+                if shows(winner.point, eye) {
+                    let [r, g, b] = cloud.colors[winner.point];
+                    rgba[4 * pixel..][..4].copy_from_slice(&[r, g, b, 255]);
+                }
             });
             SplatImage {
                 width: camera.width,

@@ -17,7 +17,7 @@ use crate::stats::Figure;
 const PRESETS: [&str; 3] = ["3dgs", "paper", "gspotential"];
 
 /// Points of a curve, the start aside.
-const N_CURVE: u32 = 20;
+const N_CURVE: u32 = 10;
 
 const COLUMNS: [Column; 11] = [
     SCENE,

@@ -82,8 +82,8 @@ fn every_study_reports_in_text_numbers_and_pictures_and_trains_nothing_twice() {
         ("cloud", 8, 6 + 8),
         ("kernel", 4, 0),
         ("potential", 8, 0),
-        // 3DGS and its own are there, as is the paper's; the base, 6 with, 6 without, densified.
-        ("parts", 3 + 1 + 6 + 1 + 6, 2 + 6 + 6 + 1),
+        // 3DGS and the paper's are there; the base, 6 with, the whole, 6 without, 2 set aside.
+        ("parts", 3 + 6 + 1 + 6 + 2, 1 + 6 + 1 + 6 + 2),
         // With curves, so of their own.
         ("presets", 3, 3),
         // All; 3 degrees, 5 caps, 4 counts, 3 lengths and a half of 32 px.
