@@ -24,6 +24,7 @@ mod metrics;
 mod page;
 mod plot;
 mod policy;
+mod profile;
 mod reference;
 mod report;
 mod run;

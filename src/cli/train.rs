@@ -10,7 +10,7 @@ use super::measure::MeasureArgs;
 use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
 use crate::pipeline::{self, Resumed, TrainJob};
-use crate::report::evaluation_table;
+use crate::report::{evaluation_table, profile_tables};
 use crate::run::{Evaluation, RunDir};
 use crate::scene::{CloudSource, SceneSource};
 
@@ -107,6 +107,11 @@ pub struct TrainArgs {
     #[arg(long)]
     dry_run: bool,
 
+    /// Take the time of every stage and, in every 50th iteration, of every GPU kernel: two tables,
+    /// and RUN/profile.json; what is trained stays as it is, bit for bit
+    #[arg(long, conflicts_with = "dry_run")]
+    profile: bool,
+
     #[command(flatten)]
     measure: MeasureArgs,
 }
@@ -115,11 +120,12 @@ impl TrainArgs {
     pub fn run(self) -> Result<()> {
         let checkpoint_every = self.checkpoint_every.map(NonZeroU32::get);
         if let Some(root) = &self.resume {
-            return match TrainJob::resume(root, checkpoint_every, &self.measure.options()?)? {
+            let how = (checkpoint_every, self.profile);
+            return match TrainJob::resume(root, how, &self.measure.options()?)? {
                 Resumed {
                     run,
                     evaluation: Some(evaluation),
-                } => report(&run, &evaluation),
+                } => report(&run, &evaluation, self.profile),
                 Resumed {
                     run,
                     evaluation: None,
@@ -143,6 +149,7 @@ impl TrainArgs {
             test_views: self.test_views,
             eval_every: self.eval_every.map(NonZeroU32::get),
             checkpoint_every,
+            profile: self.profile,
             ..job
         };
         let out = self
@@ -153,7 +160,7 @@ impl TrainArgs {
             return super::print(&dry_run::text(&pipeline::dry_run(&job)?));
         }
         let (run, evaluation) = job.run(&out, self.overwrite, &self.measure.options()?)?;
-        report(&run, &evaluation)
+        report(&run, &evaluation, self.profile)
     }
 
     fn resolved_config(&self) -> Result<Config> {
@@ -176,8 +183,11 @@ impl TrainArgs {
     }
 }
 
-fn report(run: &RunDir, evaluation: &Evaluation) -> Result<()> {
+fn report(run: &RunDir, evaluation: &Evaluation, profile: bool) -> Result<()> {
     super::print(&evaluation_table(&run.name(), evaluation))?;
+    if profile {
+        super::print(&format!("\n{}", profile_tables(&run.profile()?)))?;
+    }
     log::info!("wrote {}", run.root().display());
     Ok(())
 }

@@ -19,4 +19,4 @@ pub use checkpoint::{State, fingerprint};
 pub use pose_adam::PoseAdam;
 pub use shell::Shell;
 pub use supervision::{Supervision, TrainingView};
-pub use trainer::{Observer, PlanRecord, Trained, Trainer, train};
+pub use trainer::{Observer, PlanRecord, Trained, Trainer, TrainerSeconds, train};

@@ -1,5 +1,7 @@
 //! The training loop.
 
+use std::time::Instant;
+
 use serde::{Deserialize, Serialize};
 
 use super::optimizer::{Optimizer, OptimizerKernels, StepUniform};
@@ -25,6 +27,25 @@ const RESET_OPACITY: f64 = 0.01;
 pub trait Observer {
     /// After every look at the losses.
     fn look(&mut self, sample: &LossSample, n_gaussians: usize);
+
+    /// Whether the iteration that makes `done` is to be timed.
+    fn times(&self, _done: u32) -> bool {
+        false
+    }
+
+    /// What times it by kernel, if anything.
+    fn profile(&mut self) -> Option<&mut Profile> {
+        None
+    }
+
+    /// After such an iteration, once it is done on the GPU. One that has to be repeated is told of
+    /// when it is done.
+    ///
+    /// # Errors
+    /// End the training.
+    fn timed(&mut self, _gpu: &Gpu) -> Result<()> {
+        Ok(())
+    }
 
     /// Whether [`Observer::inspect`] is to be called after `done` iterations (0: at the start).
     fn inspects(&self, _done: u32) -> bool {
@@ -92,6 +113,15 @@ pub fn train(
     Trainer::new(gpu, kernels, start, supervision, config)?.run(observer)
 }
 
+/// Wall-clock seconds of parts of a training run.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TrainerSeconds {
+    /// The optimizer's pipelines.
+    pub compile: f64,
+    /// Densification, pruning and opacity resets.
+    pub densify: f64,
+}
+
 /// A training run in progress.
 pub struct Trainer<'a> {
     pub(super) gpu: &'a Gpu,
@@ -111,6 +141,7 @@ pub struct Trainer<'a> {
     pub(super) done: u32,
     pub(super) samples: Vec<LossSample>,
     pub(super) plans: Vec<PlanRecord>,
+    seconds: TrainerSeconds,
 }
 
 impl<'a> Trainer<'a> {
@@ -140,7 +171,9 @@ impl<'a> Trainer<'a> {
         let model = Model::upload(gpu, start, start.len())?;
         let all = [real.clone(), virtual_views.clone()].concat();
         let capacity = Capacity::new(model.stride, 12 * model.n.max(1024), &all);
+        let clock = Instant::now();
         let optimizer_kernels = OptimizerKernels::new(gpu);
+        let compile = clock.elapsed().as_secs_f64();
         let optimizer = Optimizer::new(gpu, model)?;
         let workspace = Workspace::new(gpu, capacity, true)?;
         let bound = Bound::new(gpu, kernels, &workspace, &optimizer.model);
@@ -162,7 +195,16 @@ impl<'a> Trainer<'a> {
             done: 0,
             samples: Vec::new(),
             plans: Vec::new(),
+            seconds: TrainerSeconds {
+                compile,
+                densify: 0.0,
+            },
         })
+    }
+
+    /// What parts of the run have taken so far.
+    pub fn seconds(&self) -> TrainerSeconds {
+        self.seconds
     }
 
     /// (tile, Gaussian) pairs that the buffers hold. A step that has more is repeated with
@@ -190,7 +232,9 @@ impl<'a> Trainer<'a> {
             observer.inspect(done, &self.optimizer.model)?;
         }
         while done < config.iterations {
-            let views = self.step(done, None);
+            let times = observer.times(done + 1);
+            let profile = if times { observer.profile() } else { None };
+            let views = self.step(done, profile);
             done += 1;
             let changes = schedule::densifies(config, done)
                 || schedule::prunes_by_coverage(config, done)
@@ -199,12 +243,15 @@ impl<'a> Trainer<'a> {
                 changes || done.is_multiple_of(LOOK_INTERVAL) || done == config.iterations;
             let inspects = observer.inspects(done);
             let keeps = observer.keeps(done);
-            if !(samples || inspects || keeps) {
+            if !(samples || inspects || keeps || times) {
                 continue;
             }
             if let Some(skipped) = self.make_room()? {
                 done = skipped;
                 continue;
+            }
+            if times {
+                observer.timed(self.gpu)?;
             }
             if samples {
                 let sample = self.sample(done, views)?;
@@ -329,7 +376,7 @@ impl<'a> Trainer<'a> {
 
     /// Densifies, prunes and resets as the schedule says after `done` iterations.
     fn change(&mut self, done: u32) -> Result<()> {
-        let config = self.config;
+        let (config, clock) = (self.config, Instant::now());
         if schedule::densifies(config, done) || schedule::prunes_by_coverage(config, done) {
             let gathered = self.optimizer.gather(self.gpu)?;
             let surroundings = Surroundings {
@@ -357,6 +404,7 @@ impl<'a> Trainer<'a> {
                 self.supervision.frozen_beyond(),
             );
         }
+        self.seconds.densify += clock.elapsed().as_secs_f64();
         Ok(())
     }
 
