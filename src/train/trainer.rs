@@ -6,8 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use super::optimizer::{Optimizer, OptimizerKernels, StepUniform};
 use super::policy::{self, Surroundings};
+use super::refine::Refinement;
 use super::schedule::{self, ViewOrder};
 use super::supervision::{Supervision, TrainingView};
+use crate::camera::Camera;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
@@ -94,6 +96,8 @@ pub struct PlanRecord {
 pub struct Trained {
     /// Canonical frame.
     pub gaussians: Gaussians,
+    /// The training cameras, refined where the config asks for it; canonical frame.
+    pub cameras: Vec<Camera>,
     pub samples: Vec<LossSample>,
     pub plans: Vec<PlanRecord>,
 }
@@ -127,16 +131,17 @@ pub struct Trainer<'a> {
     pub(super) gpu: &'a Gpu,
     kernels: &'a Kernels,
     optimizer_kernels: OptimizerKernels,
-    supervision: &'a Supervision,
-    config: &'a Config,
-    real: Vec<ViewUniform>,
+    pub(super) supervision: &'a Supervision,
+    pub(super) config: &'a Config,
+    pub(super) real: Vec<ViewUniform>,
     virtual_views: Vec<ViewUniform>,
     real_order: ViewOrder,
     virtual_order: ViewOrder,
     pub(super) optimizer: Optimizer,
-    workspace: Workspace,
+    pub(super) workspace: Workspace,
     bound: Bound,
     adam: Vec<Vec<wgpu::BindGroup>>,
+    pub(super) refinement: Option<Refinement>,
     /// Number of finished iterations, where the run starts or has last been kept.
     pub(super) done: u32,
     pub(super) samples: Vec<LossSample>,
@@ -178,6 +183,8 @@ impl<'a> Trainer<'a> {
         let workspace = Workspace::new(gpu, capacity, true)?;
         let bound = Bound::new(gpu, kernels, &workspace, &optimizer.model);
         let adam = optimizer.bind(gpu, &optimizer_kernels, &workspace);
+        let refine = || Refinement::new(gpu, &workspace, &optimizer.model, &supervision.real);
+        let refinement = config.poses.refine.then(refine).transpose()?;
         Ok(Trainer {
             gpu,
             kernels,
@@ -192,6 +199,7 @@ impl<'a> Trainer<'a> {
             workspace,
             bound,
             adam,
+            refinement,
             done: 0,
             samples: Vec::new(),
             plans: Vec::new(),
@@ -235,6 +243,7 @@ impl<'a> Trainer<'a> {
             let times = observer.times(done + 1);
             let profile = if times { observer.profile() } else { None };
             let views = self.step(done, profile);
+            self.refine(done, views.0)?;
             done += 1;
             let changes = schedule::densifies(config, done)
                 || schedule::prunes_by_coverage(config, done)
@@ -272,6 +281,7 @@ impl<'a> Trainer<'a> {
         self.gpu.wait()?;
         Ok(Trained {
             gaussians: self.optimizer.model.download(self.gpu)?,
+            cameras: self.cameras(),
             samples: std::mem::take(&mut self.samples),
             plans: std::mem::take(&mut self.plans),
         })
@@ -313,6 +323,9 @@ impl<'a> Trainer<'a> {
             pass.forward(&mut commands);
             pass.loss(&mut commands, loss);
             pass.backward(&mut commands);
+            if let (0, Some(refinement)) = (slot, &self.refinement) {
+                pass.pose_backward(&mut commands, &refinement.kernels, &refinement.gradient);
+            }
             let [x, y, z, _] = uniform.center_near;
             centers.push([x, y, z]);
         }
@@ -413,8 +426,7 @@ impl<'a> Trainer<'a> {
         if self.optimizer.model.stride > self.workspace.capacity.stride {
             return self.grow(0);
         }
-        self.rebind();
-        Ok(())
+        self.rebind()
     }
 
     /// Makes room for the model and for half as many pairs again as `pairs`.
@@ -433,11 +445,10 @@ impl<'a> Trainer<'a> {
         let wanted = (pairs + pairs / 2).min(most_pairs).max(pairs);
         capacity.pairs = capacity.pairs.max(wanted);
         self.workspace = Workspace::new(self.gpu, capacity, true)?;
-        self.rebind();
-        Ok(())
+        self.rebind()
     }
 
-    fn rebind(&mut self) {
+    fn rebind(&mut self) -> Result<()> {
         self.bound = Bound::new(
             self.gpu,
             self.kernels,
@@ -447,5 +458,9 @@ impl<'a> Trainer<'a> {
         self.adam = self
             .optimizer
             .bind(self.gpu, &self.optimizer_kernels, &self.workspace);
+        if let Some(refinement) = &mut self.refinement {
+            refinement.rebind(self.gpu, &self.workspace, &self.optimizer.model)?;
+        }
+        Ok(())
     }
 }
