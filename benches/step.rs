@@ -9,10 +9,11 @@ use std::time::Instant;
 use clap::Parser;
 use gspotential::config::Config;
 use gspotential::error::{Error, Result};
-use gspotential::gpu::{Gpu, Profile};
+use gspotential::gpu::{Gpu, KernelTime, Profile};
 use gspotential::pipeline::{load_scene, prepare};
 use gspotential::render::Kernels;
-use gspotential::run::Seconds;
+use gspotential::report::kernel_table;
+use gspotential::run::{Seconds, StepProfile};
 use gspotential::scene::{LoadOptions, SceneSource};
 use gspotential::train::Trainer;
 
@@ -62,7 +63,7 @@ fn main() -> Result<()> {
     }
     let mut profile =
         Profile::new(&gpu).ok_or_else(|| Error::new("the adapter has no timestamps"))?;
-    let mut kernels: BTreeMap<&str, f64> = BTreeMap::new();
+    let mut kernels: BTreeMap<&str, KernelTime> = BTreeMap::new();
     let mut wall = 0.0;
     let mut pairs = 0;
     for i in args.warmup..args.warmup + args.steps {
@@ -75,33 +76,21 @@ fn main() -> Result<()> {
                 .way_out("give more --warmup steps"));
         }
         pairs += trainer.n_pairs()?;
-        for (name, s) in profile.take(&gpu)? {
-            *kernels.entry(name).or_insert(0.0) += s;
+        for (name, time) in profile.take(&gpu)? {
+            let sum = kernels.entry(name).or_default();
+            sum.seconds += time.seconds;
+            sum.dispatches += time.dispatches;
         }
     }
     let n = f64::from(args.steps);
     println!("{:.0} pairs in the step's last view", pairs as f64 / n);
-    let total: f64 = kernels.values().sum();
     println!(
         "{}: {} Gaussians, {}",
         gpu.describe(),
         prepared.start.len(),
         scene.name
     );
-    println!("\n| kernel | ms a step | share |\n|---|---:|---:|");
-    let mut rows: Vec<_> = kernels.into_iter().collect();
-    rows.sort_by(|a, b| b.1.total_cmp(&a.1));
-    for (name, s) in rows {
-        println!(
-            "| {name} | {:.2} | {:.1} % |",
-            s / n * 1e3,
-            s / total * 100.0
-        );
-    }
-    println!(
-        "| all kernels | {:.2} | |\n| wall | {:.2} | |",
-        total / n * 1e3,
-        wall / n * 1e3
-    );
+    let step = StepProfile::new(&kernels, (args.steps, args.steps), wall / n);
+    println!("\n{}", kernel_table(&step));
     Ok(())
 }

@@ -6,6 +6,7 @@ mod evaluation;
 mod export;
 mod page;
 pub mod plot;
+mod profile;
 mod sheet;
 mod table;
 
@@ -14,6 +15,7 @@ pub use comparison::{Block, ComparedRun, Comparison, Row, check_protocols};
 pub use evaluation::{evaluation_table, view_table};
 pub use export::{runs_csv, runs_json};
 pub use page::{SceneRuns, write_comparison, write_run_page};
+pub use profile::{kernel_table, profile_tables};
 pub use sheet::{ContactSheet, mask_image};
 pub use table::Table;
 

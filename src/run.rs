@@ -8,6 +8,7 @@
 //! cameras.json     every camera
 //! virtual/         contact_sheet.png: virtual views beside their masks
 //! report.html      all of it to look at, in one file
+//! profile.json     where its time went, where that was asked for (RunProfile)
 //! test/            one PNG a test view; contact_sheet.png: renders beside photographs
 //! checkpoints/     until the run is finished: its job, and states to resume from
 //! .lock            locked by the process that writes the run
@@ -17,6 +18,7 @@ mod checkpoints;
 mod evaluation;
 mod lock;
 mod names;
+mod profile;
 mod record;
 mod stop;
 
@@ -27,9 +29,10 @@ pub use evaluation::{
     PointSplatScore, Renders, ViewScore, mean,
 };
 pub use names::file_names;
+pub use profile::{KernelProfile, RunProfile, StepProfile};
 pub use record::{
     CurvePoint, ImageLoss, JobRecord, LossSample, Memory, Metrics, ModelSize, PlanCounts,
-    SceneRecord, Seconds, peak_host_bytes,
+    PoseChange, SceneRecord, Seconds, peak_host_bytes,
 };
 pub use stop::{Gentle, Stop};
 
@@ -51,6 +54,7 @@ const FILES: &[&str] = &[
     "point_cloud.ply",
     "cameras.json",
     "report.html",
+    "profile.json",
 ];
 /// In both folders; [`file_names`] gives it to no view.
 const SHEET: &str = "contact_sheet.png";
@@ -227,6 +231,14 @@ impl RunDir {
                 .way_out(format!("go on with `gspotential train --resume {root}`")));
         }
         self.read_json("metrics.json")
+    }
+
+    pub fn write_profile(&self, profile: &RunProfile) -> Result<()> {
+        self.write_json("profile.json", profile)
+    }
+
+    pub fn profile(&self) -> Result<RunProfile> {
+        self.read_json("profile.json")
     }
 
     pub fn write_evaluation(&self, evaluation: &Evaluation) -> Result<()> {

@@ -24,6 +24,8 @@ mod metrics;
 mod page;
 mod plot;
 mod policy;
+mod poses;
+mod profile;
 mod reference;
 mod report;
 mod run;

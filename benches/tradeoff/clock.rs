@@ -51,7 +51,7 @@ pub fn of_gpu(
         gpu.wait()
     })?;
     match profile {
-        Some(profile) => Ok(profile.take(gpu)?.values().sum()),
+        Some(profile) => Ok(profile.take(gpu)?.values().map(|k| k.seconds).sum()),
         None => Ok(seconds),
     }
 }

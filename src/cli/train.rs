@@ -10,7 +10,7 @@ use super::measure::MeasureArgs;
 use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
 use crate::pipeline::{self, Resumed, TrainJob};
-use crate::report::evaluation_table;
+use crate::report::{evaluation_table, profile_tables};
 use crate::run::{Evaluation, RunDir};
 use crate::scene::{CloudSource, SceneSource};
 
@@ -65,6 +65,10 @@ pub struct TrainArgs {
     #[arg(long, value_name = "N")]
     max_points: Option<usize>,
 
+    /// Refine the poses of the training cameras with the Gaussians; cameras.json has them then
+    #[arg(long)]
+    refine_poses: bool,
+
     /// Seed of every random choice [preset: 0]
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
@@ -99,13 +103,19 @@ pub struct TrainArgs {
     /// may be said again
     #[arg(long, value_name = "RUN", conflicts_with_all = [
         "scene", "out", "preset", "config", "settings", "iterations", "max_size", "max_points",
-        "seed", "train_views", "test_views", "cloud", "eval_every", "overwrite", "dry_run",
+        "seed", "refine_poses", "train_views", "test_views", "cloud", "eval_every", "overwrite",
+        "dry_run",
     ])]
     resume: Option<PathBuf>,
 
     /// Load the scene, take the first iterations, print what the run would take, and write nothing
     #[arg(long)]
     dry_run: bool,
+
+    /// Take the time of every stage and, in every 50th iteration, of every GPU kernel: two tables,
+    /// and RUN/profile.json; what is trained stays as it is, bit for bit
+    #[arg(long, conflicts_with = "dry_run")]
+    profile: bool,
 
     #[command(flatten)]
     measure: MeasureArgs,
@@ -115,11 +125,12 @@ impl TrainArgs {
     pub fn run(self) -> Result<()> {
         let checkpoint_every = self.checkpoint_every.map(NonZeroU32::get);
         if let Some(root) = &self.resume {
-            return match TrainJob::resume(root, checkpoint_every, &self.measure.options()?)? {
+            let how = (checkpoint_every, self.profile);
+            return match TrainJob::resume(root, how, &self.measure.options()?)? {
                 Resumed {
                     run,
                     evaluation: Some(evaluation),
-                } => report(&run, &evaluation),
+                } => report(&run, &evaluation, self.profile),
                 Resumed {
                     run,
                     evaluation: None,
@@ -143,6 +154,7 @@ impl TrainArgs {
             test_views: self.test_views,
             eval_every: self.eval_every.map(NonZeroU32::get),
             checkpoint_every,
+            profile: self.profile,
             ..job
         };
         let out = self
@@ -153,7 +165,7 @@ impl TrainArgs {
             return super::print(&dry_run::text(&pipeline::dry_run(&job)?));
         }
         let (run, evaluation) = job.run(&out, self.overwrite, &self.measure.options()?)?;
-        report(&run, &evaluation)
+        report(&run, &evaluation, self.profile)
     }
 
     fn resolved_config(&self) -> Result<Config> {
@@ -171,13 +183,17 @@ impl TrainArgs {
         config.seed = self.seed.unwrap_or(config.seed);
         config.scene.max_size_px = self.max_size.or(config.scene.max_size_px);
         config.scene.max_points = self.max_points.or(config.scene.max_points);
+        config.poses.refine |= self.refine_poses;
         config.validate()?;
         Ok(config)
     }
 }
 
-fn report(run: &RunDir, evaluation: &Evaluation) -> Result<()> {
+fn report(run: &RunDir, evaluation: &Evaluation, profile: bool) -> Result<()> {
     super::print(&evaluation_table(&run.name(), evaluation))?;
+    if profile {
+        super::print(&format!("\n{}", profile_tables(&run.profile()?)))?;
+    }
     log::info!("wrote {}", run.root().display());
     Ok(())
 }

@@ -79,7 +79,7 @@ impl<'a> Stopwatch<'a> {
         gpu.wait()?;
         let wall = clock.seconds();
         match &mut self.profile {
-            Some(profile) => Ok(profile.take(gpu)?.values().sum()),
+            Some(profile) => Ok(profile.take(gpu)?.values().map(|k| k.seconds).sum()),
             None => Ok(wall),
         }
     }

@@ -14,18 +14,87 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// Compiles entry point `entry` of a complete WGSL `source`; `stage` names it in messages.
+    /// [`Stage::kernel`] of a stage that has no other.
     ///
     /// # Panics
     /// If the shader does not validate: a fault in this program; the message is naga's.
     pub fn from_source(gpu: &Gpu, stage: &str, entry: &'static str, source: String) -> Kernel {
+        Stage::new(gpu, stage, source).kernel(gpu, entry)
+    }
+
+    /// Binds buffers by the names of the shader's variables; names that this entry point does not
+    /// use are passed over, so that a stage's entry points can share one list.
+    ///
+    /// # Panics
+    /// If a variable is left without a buffer: a fault in this program.
+    pub fn bind(&self, gpu: &Gpu, buffers: &[(&str, &Buffer)]) -> wgpu::BindGroup {
+        let entries: Vec<wgpu::BindGroupEntry<'_>> = self
+            .bindings
+            .iter()
+            .map(|(name, binding)| {
+                let buffer = buffers.iter().find(|(n, _)| n == name);
+                let (_, buffer) =
+                    buffer.unwrap_or_else(|| panic!("{}: nothing bound to `{name}`", self.name));
+                wgpu::BindGroupEntry {
+                    binding: *binding,
+                    resource: buffer.raw.as_entire_binding(),
+                }
+            })
+            .collect();
+        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(self.name),
+            layout: &self.layout,
+            entries: &entries,
+        })
+    }
+}
+
+/// A stage's source, checked once for all its entry points.
+pub struct Stage {
+    name: String,
+    module: naga::Module,
+    info: naga::valid::ModuleInfo,
+    shader: wgpu::ShaderModule,
+}
+
+impl Stage {
+    /// Checks a complete WGSL `source`; `name` is for messages.
+    ///
+    /// # Panics
+    /// If the shader does not validate: a fault in this program; the message is naga's.
+    pub fn new(gpu: &Gpu, name: &str, source: String) -> Stage {
         let module = naga::front::wgsl::parse_str(&source)
-            .unwrap_or_else(|e| panic!("{}", e.emit_to_string_with_path(&source, stage)));
+            .unwrap_or_else(|e| panic!("{}", e.emit_to_string_with_path(&source, name)));
         let flags = naga::valid::ValidationFlags::all();
         let capabilities = naga::valid::Capabilities::empty();
         let info = naga::valid::Validator::new(flags, capabilities)
             .validate(&module)
-            .unwrap_or_else(|e| panic!("{}", e.emit_to_string_with_path(&source, stage)));
+            .unwrap_or_else(|e| panic!("{}", e.emit_to_string_with_path(&source, name)));
+        let shader = gpu
+            .device
+            .create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(name),
+                source: wgpu::ShaderSource::Wgsl(source.into()),
+            });
+        Stage {
+            name: name.to_owned(),
+            module,
+            info,
+            shader,
+        }
+    }
+
+    /// Compiles entry point `entry`.
+    ///
+    /// # Panics
+    /// If there is none of that name: a fault in this program.
+    pub fn kernel(&self, gpu: &Gpu, entry: &'static str) -> Kernel {
+        let Stage {
+            name: stage,
+            module,
+            info,
+            shader,
+        } = self;
         let point = module
             .entry_points
             .iter()
@@ -74,18 +143,12 @@ impl Kernel {
                 bind_group_layouts: &[Some(&layout)],
                 immediate_size: 0,
             });
-        let module = gpu
-            .device
-            .create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(stage),
-                source: wgpu::ShaderSource::Wgsl(source.into()),
-            });
         let pipeline = gpu
             .device
             .create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(entry),
                 layout: Some(&pipeline_layout),
-                module: &module,
+                module: shader,
                 entry_point: Some(entry),
                 compilation_options: Default::default(),
                 cache: None,
@@ -97,32 +160,15 @@ impl Kernel {
             bindings,
         }
     }
+}
 
-    /// Binds buffers by the names of the shader's variables; names that this entry point does not
-    /// use are passed over, so that a stage's entry points can share one list.
-    ///
-    /// # Panics
-    /// If a variable is left without a buffer: a fault in this program.
-    pub fn bind(&self, gpu: &Gpu, buffers: &[(&str, &Buffer)]) -> wgpu::BindGroup {
-        let entries: Vec<wgpu::BindGroupEntry<'_>> = self
-            .bindings
-            .iter()
-            .map(|(name, binding)| {
-                let buffer = buffers.iter().find(|(n, _)| n == name);
-                let (_, buffer) =
-                    buffer.unwrap_or_else(|| panic!("{}: nothing bound to `{name}`", self.name));
-                wgpu::BindGroupEntry {
-                    binding: *binding,
-                    resource: buffer.raw.as_entire_binding(),
-                }
-            })
-            .collect();
-        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(self.name),
-            layout: &self.layout,
-            entries: &entries,
-        })
-    }
+/// Makes something of every SH degree, side by side.
+pub fn by_degree<T: Send>(make: impl Fn(u32) -> T + Sync) -> [T; 4] {
+    let ((zero, one), (two, three)) = rayon::join(
+        || rayon::join(|| make(0), || make(1)),
+        || rayon::join(|| make(2), || make(3)),
+    );
+    [zero, one, two, three]
 }
 
 /// Commands recorded for one submission.

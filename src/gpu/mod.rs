@@ -9,5 +9,5 @@ pub mod shader;
 
 pub use buffer::Buffer;
 pub use device::{Gpu, adapters, binding_limit, prefer_adapter, shader_count};
-pub use kernel::{Commands, Kernel};
-pub use profile::Profile;
+pub use kernel::{Commands, Kernel, Stage, by_degree};
+pub use profile::{KernelTime, Profile};

@@ -8,6 +8,13 @@ use crate::error::Result;
 /// Dispatches that one profile can hold.
 const MAX_DISPATCHES: u32 = 1024;
 
+/// What the dispatches of one kernel took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct KernelTime {
+    pub seconds: f64,
+    pub dispatches: u32,
+}
+
 /// Collects timestamps around the dispatches of one submission.
 pub struct Profile {
     queries: wgpu::QuerySet,
@@ -62,14 +69,22 @@ impl Profile {
         }
     }
 
-    /// Waits for the GPU; seconds by kernel, summed over its dispatches since the last call.
-    pub fn take(&mut self, gpu: &Gpu) -> Result<BTreeMap<&'static str, f64>> {
+    /// Forgets what was submitted since the last [`Profile::take`].
+    pub fn clear(&mut self) {
+        self.names.clear();
+    }
+
+    /// Waits for the GPU; times by kernel, summed over its dispatches since the last call. Of one
+    /// submission: a second one would have taken the first one's place.
+    pub fn take(&mut self, gpu: &Gpu) -> Result<BTreeMap<&'static str, KernelTime>> {
         let times: Vec<u64> = self.resolved.read(gpu, 2 * self.names.len())?;
         let period = f64::from(gpu.queue.get_timestamp_period()) * 1e-9;
-        let mut seconds = BTreeMap::new();
+        let mut kernels = BTreeMap::<_, KernelTime>::new();
         for (name, pair) in self.names.drain(..).zip(times.chunks_exact(2)) {
-            *seconds.entry(name).or_insert(0.0) += pair[1].saturating_sub(pair[0]) as f64 * period;
+            let kernel = kernels.entry(name).or_default();
+            kernel.seconds += pair[1].saturating_sub(pair[0]) as f64 * period;
+            kernel.dispatches += 1;
         }
-        Ok(seconds)
+        Ok(kernels)
     }
 }

@@ -42,7 +42,7 @@ pub const STAGES: &[(&str, &str)] = sources![
 
 /// Where kernels get the complete WGSL of a stage and an SH degree: [`compose`], or what a bench
 /// or a test has made of it.
-pub type Sources<'a> = &'a dyn Fn(&str, u32) -> String;
+pub type Sources<'a> = &'a (dyn Fn(&str, u32) -> String + Sync);
 
 /// The complete WGSL of a stage, with `SH_DEGREE` for the active degree: a constant, because a
 /// software driver runs both sides of every branch.

@@ -1,14 +1,13 @@
 //! What a training run is asked for.
 
 use std::path::Path;
-use std::time::Instant;
 
-use super::{load_scene, train};
+use super::{Clock, load_scene, train};
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::eval::EvalOptions;
 use crate::gpu::Gpu;
-use crate::run::{Evaluation, RunDir, SceneRecord, Stop};
+use crate::run::{Evaluation, RunDir, SceneRecord, Seconds, Stop};
 use crate::scene::{CloudSource, LoadOptions, Scene, SceneSource};
 
 /// A single training view has no pseudo-focus to put virtual views around.
@@ -29,6 +28,8 @@ pub struct TrainJob {
     pub eval_every: Option<u32>,
     /// Iterations between two checkpoints; otherwise about a minute.
     pub checkpoint_every: Option<u32>,
+    /// Whether `profile.json` is written.
+    pub profile: bool,
 }
 
 impl TrainJob {
@@ -47,6 +48,7 @@ impl TrainJob {
             config,
             eval_every: None,
             checkpoint_every: None,
+            profile: false,
         })
     }
 
@@ -106,29 +108,34 @@ impl TrainJob {
         overwrite: bool,
         options: &EvalOptions,
     ) -> Result<(RunDir, Evaluation)> {
+        let (mut clock, mut seconds) = (Clock::start(), Seconds::default());
         RunDir::check(out, overwrite)?;
         // Before anything takes time or is written: a machine without an adapter is told at once,
         // and the same command works once it has one.
         let gpu = open_gpu()?;
-        let (scene, load_s) = timed(|| self.load())?;
+        seconds.open = Some(clock.lap());
+        let scene = announced(self.load()?);
+        seconds.load = Some(clock.lap());
         options.check(&scene.test)?;
         let run = RunDir::create(out, &self.config, overwrite)?;
         let stop = Stop::on_signals()?;
-        let evaluation = train(&gpu, &scene, self, load_s, options, &run, &stop)?;
+        let so_far = (clock, seconds);
+        let evaluation = train(&gpu, &scene, self, so_far, options, &run, &stop)?;
         Ok((run, evaluation))
     }
 
     /// Goes on with the run in `root` where it was stopped, measures it as `options` say;
-    /// `checkpoint_every` replaces what it was started with.
+    /// `checkpoint_every` replaces what it was started with, and `profile` asks for `profile.json`.
     ///
     /// # Errors
     /// No run, another process at work on it, a scene or config that is not what it was, and
     /// anything that fails on the way.
     pub fn resume(
         root: &Path,
-        checkpoint_every: Option<u32>,
+        (checkpoint_every, profile): (Option<u32>, bool),
         options: &EvalOptions,
     ) -> Result<Resumed> {
+        let (mut clock, mut seconds) = (Clock::start(), Seconds::default());
         let run = RunDir::claim(root)?;
         if run.is_finished() {
             run.checkpoints().clear()?;
@@ -139,14 +146,18 @@ impl TrainJob {
         }
         let record = run.job()?;
         let gpu = open_gpu()?;
+        seconds.open = Some(clock.lap());
         let job = TrainJob {
             eval_every: record.eval_every,
             checkpoint_every: checkpoint_every.or(record.checkpoint_every),
+            profile,
             ..Self::recorded(&record.scene, run.config()?)?
         };
-        let (scene, load_s) = timed(|| job.load_again())?;
+        let scene = announced(job.load_again()?);
+        seconds.load = Some(clock.lap());
         let stop = Stop::on_signals()?;
-        let evaluation = train(&gpu, &scene, &job, load_s, options, &run, &stop)?;
+        let so_far = (clock, seconds);
+        let evaluation = train(&gpu, &scene, &job, so_far, options, &run, &stop)?;
         Ok(Resumed {
             run,
             evaluation: Some(evaluation),
@@ -172,14 +183,11 @@ fn open_gpu() -> Result<Gpu> {
     Ok(gpu)
 }
 
-/// Loads a scene, says what was taken and what is wrong with it, and how long that took.
-fn timed(load: impl FnOnce() -> Result<Scene>) -> Result<(Scene, f64)> {
-    let start = Instant::now();
-    let scene = load()?;
-    let load_s = start.elapsed().as_secs_f64();
+/// Says what was taken of a scene and what is wrong with it.
+fn announced(scene: Scene) -> Scene {
     log::info!("scene: {}", scene.source);
     for warning in &scene.warnings {
         log::warn!("{warning}");
     }
-    Ok((scene, load_s))
+    scene
 }

@@ -9,6 +9,7 @@ mod job;
 mod keep;
 mod orbit;
 mod prepare;
+mod profile;
 mod render;
 mod train;
 mod watch;
@@ -96,18 +97,36 @@ fn cameras(views: &[View]) -> Vec<Camera> {
 }
 
 /// Wall-clock time of stages in a row.
-struct Clock(Instant);
+pub struct Clock {
+    start: Instant,
+    last: Instant,
+}
+
+impl Default for Clock {
+    fn default() -> Clock {
+        Clock::start()
+    }
+}
 
 impl Clock {
-    fn start() -> Clock {
-        Clock(Instant::now())
+    pub fn start() -> Clock {
+        let now = Instant::now();
+        Clock {
+            start: now,
+            last: now,
+        }
     }
 
     /// Seconds since the last lap.
-    fn lap(&mut self) -> f64 {
+    pub fn lap(&mut self) -> f64 {
         let now = Instant::now();
-        let lap = now.duration_since(self.0).as_secs_f64();
-        self.0 = now;
+        let lap = now.duration_since(self.last).as_secs_f64();
+        self.last = now;
         lap
+    }
+
+    /// Seconds since the start.
+    pub fn total(&self) -> f64 {
+        self.start.elapsed().as_secs_f64()
     }
 }

@@ -80,6 +80,7 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
         shell,
         ..supervision(scene, &frame, coverage, &virtual_views, goals)
     };
+    seconds.gaussians = Some(clock.lap());
     Ok(Prepared {
         supervision,
         warnings,

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use super::evaluate::{Clouds, Seen};
 use super::keep::{Identity, Keeper, Log};
+use super::profile::Sampler;
 use super::watch::{Curve, Watch, curve_point};
 use super::{Clock, Prepared, TrainJob, cameras, evaluate, prepare};
 use crate::camera::Camera;
@@ -17,20 +18,20 @@ use crate::progress::Progress;
 use crate::render::{Kernels, Renderer, most_gaussians};
 use crate::report::{ContactSheet, mask_image, write_png, write_run_page};
 use crate::run::{
-    Evaluation, JobRecord, Memory, Metrics, ModelSize, RunDir, SceneRecord, Seconds, Stop,
-    peak_host_bytes,
+    Evaluation, JobRecord, Memory, Metrics, ModelSize, PoseChange, RunDir, RunProfile, SceneRecord,
+    Seconds, StepProfile, Stop, peak_host_bytes,
 };
 use crate::scene::{Image, PointCloud, Scene, View};
 use crate::train::{PlanRecord, Trained, Trainer, TrainingView};
 
 /// Trains on `scene`, which is `job`'s, evaluates at its test views as `options` say and writes all
-/// into `run`; `load_s` is how long loading took. Goes on from the run's newest checkpoint, where
+/// into `run`; `clock` runs since the command, and `seconds` are what it took so far. Goes on from the run's newest checkpoint, where
 /// there is one, and once more from there where the device is lost on the way.
 pub fn train(
     gpu: &Gpu,
     scene: &Scene,
     job: &TrainJob,
-    load_s: f64,
+    (mut clock, mut seconds): (Clock, Seconds),
     options: &EvalOptions,
     run: &RunDir,
     stop: &Stop,
@@ -38,16 +39,14 @@ pub fn train(
     options.check(&scene.test)?;
     // Of the files as they are now: a mask that is drawn while training runs was not loaded.
     let stamp = job.source.stamp(job.cloud.as_ref());
-    let mut seconds = Seconds {
-        load: Some(load_s),
-        ..Seconds::default()
-    };
     run.write_job(&JobRecord {
         scene: record(scene, job),
         eval_every: job.eval_every,
         checkpoint_every: job.checkpoint_every,
     })?;
+    let mut files_s = clock.lap();
     let prepared = prepare(scene, &job.config, &mut seconds)?;
+    clock.lap();
     for warning in &prepared.warnings {
         log::warn!("{warning}");
     }
@@ -77,11 +76,15 @@ pub fn train(
         log::info!("{n_shell} Gaussians in the far shell");
     }
     write_virtual_sheet(run, &supervision.virtual_views)?;
-    write_cameras(&run.cameras(), &all_cameras(scene, virtual_cameras))?;
-    match task.attempt(gpu, seconds) {
+    let train = cameras(&scene.train);
+    write_cameras(&run.cameras(), &all_cameras(scene, train, virtual_cameras))?;
+    files_s += clock.lap();
+    seconds.files = Some(files_s);
+    match task.attempt(gpu, &mut clock, seconds) {
         Err(e) if e.kind() == ErrorKind::DeviceLost => {
             log::warn!("{e}; trying once more");
-            task.attempt(&Gpu::open()?, seconds)
+            clock.lap();
+            task.attempt(&Gpu::open()?, &mut clock, seconds)
         }
         outcome => outcome,
     }
@@ -107,7 +110,7 @@ impl Task<'_> {
     }
 
     /// Trains, evaluates and writes the results; `seconds` are those of the stages before.
-    fn attempt(&self, gpu: &Gpu, mut seconds: Seconds) -> Result<Evaluation> {
+    fn attempt(&self, gpu: &Gpu, clock: &mut Clock, mut seconds: Seconds) -> Result<Evaluation> {
         let Task {
             scene,
             job,
@@ -116,12 +119,11 @@ impl Task<'_> {
             ..
         } = self;
         let kernels = Kernels::new(gpu);
-        let (trained, log) = self.train(gpu, &kernels)?;
-        seconds.train = Some(log.train_s);
-        seconds.checkpoints = Some(log.keep_s);
+        seconds.compile = Some(clock.lap());
+        let (trained, log, step) = self.train(gpu, &kernels, clock, &mut seconds)?;
         write_ply(&run.point_cloud(), &trained.gaussians, &prepared.frame)?;
-
-        let mut clock = Clock::start();
+        let refined_poses = self.write_refined(&trained.cameras)?;
+        clock.lap();
         let (config, frame) = (&job.config, &prepared.frame);
         let device = (gpu, &kernels);
         let own = Seen {
@@ -157,16 +159,62 @@ impl Task<'_> {
             },
             loss: trained.samples,
             model_size: model_sizes(prepared.start.len(), &trained.plans),
+            refined_poses,
             curve,
         })?;
+        clock.lap();
         write_run_page(run, &scene.test, frame)?;
+        seconds.report = Some(clock.lap());
+        if let Some(step) = step {
+            run.write_profile(&RunProfile {
+                adapter: gpu.describe(),
+                seconds,
+                step,
+            })?;
+        }
         // Nothing is left to resume.
         run.checkpoints().clear()?;
         Ok(evaluation)
     }
 
-    /// All iterations that are left.
-    fn train(&self, gpu: &Gpu, kernels: &Kernels) -> Result<(Trained, Log)> {
+    /// Writes the training cameras of the canonical frame in place of those that the scene came
+    /// with, and says how far they are from them; leaves all as it is where they were held.
+    fn write_refined(&self, cameras: &[Camera]) -> Result<Vec<PoseChange>> {
+        if !self.job.config.poses.refine {
+            return Ok(Vec::new());
+        }
+        let frame = &self.prepared.frame;
+        let world = cameras.iter().map(|c| frame.camera_to_world(c));
+        let all = all_cameras(self.scene, world.collect(), &self.prepared.virtual_cameras);
+        write_cameras(&self.run.cameras(), &all)?;
+        let before = &self.prepared.supervision.real;
+        let change = |(after, before): (&Camera, &TrainingView)| {
+            let (turn, shift) = after.difference(&before.camera);
+            PoseChange {
+                view: after.name.clone(),
+                turn_deg: turn.to_degrees(),
+                shift,
+            }
+        };
+        let changes: Vec<PoseChange> = cameras.iter().zip(before).map(change).collect();
+        let mean =
+            |of: fn(&PoseChange) -> f64| changes.iter().map(of).sum::<f64>() / changes.len() as f64;
+        log::info!(
+            "poses refined: turned by {:.2} degrees and shifted by {:.2} % of R in the mean",
+            mean(|c| c.turn_deg),
+            100.0 * mean(|c| c.shift)
+        );
+        Ok(changes)
+    }
+
+    /// All iterations that are left; adds the parts' times to `seconds`.
+    fn train(
+        &self,
+        gpu: &Gpu,
+        kernels: &Kernels,
+        clock: &mut Clock,
+        seconds: &mut Seconds,
+    ) -> Result<(Trained, Log, Option<StepProfile>)> {
         let Task {
             scene,
             job,
@@ -177,13 +225,19 @@ impl Task<'_> {
         } = self;
         let config = &fitted(&job.config, gpu, prepared.start.len())?;
         let identity = Identity::new(gpu, &job.config, scene, prepared)?;
+        seconds.files = Some(seconds.files.unwrap_or(0.0) + clock.lap());
         let mut keeper = Keeper::new(run, stop, identity, job.checkpoint_every, config.iterations);
         let (start, supervision) = (&prepared.start, &prepared.supervision);
-        let clock = Instant::now();
         let mut trainer = Trainer::new(gpu, kernels, start, supervision, config)?;
         let log = keeper.resume(&mut trainer)?;
+        let compile_s = trainer.seconds().compile;
+        seconds.compile = Some(seconds.compile.unwrap_or(0.0) + compile_s);
+        seconds.upload = Some(clock.lap() - compile_s);
+        seconds.to_first_iteration = Some(clock.total());
+        let done = trainer.state().done;
+        let (before_s, kept_s) = (log.train_s, log.keep_s);
         let mut watch = Watch {
-            progress: Progress::new(config.iterations).from(trainer.state().done),
+            progress: Progress::new(config.iterations).from(done),
             curve: job.eval_every.map(|every| Curve {
                 every,
                 renderer: Renderer::new(gpu, kernels),
@@ -196,8 +250,11 @@ impl Task<'_> {
                 },
             }),
             keeper,
+            sampler: job
+                .profile
+                .then(|| Sampler::new(gpu, done, config.iterations)),
             before_s: log.train_s + log.curve_s,
-            clock,
+            clock: Instant::now(),
             log,
         };
         let gentle = stop.gentle();
@@ -205,13 +262,20 @@ impl Task<'_> {
         drop(gentle);
         watch.log.train_s = watch.train_s();
         watch.progress.finish();
-        Ok((trained?, watch.log))
+        let trained = trained?;
+        let log = watch.log;
+        seconds.train = Some(log.train_s);
+        seconds.densify = Some(trainer.seconds().densify);
+        seconds.checkpoints = Some(log.keep_s);
+        seconds.first_iteration = watch.sampler.as_ref().and_then(Sampler::first_s);
+        let trained_s = log.train_s - before_s - (log.keep_s - kept_s);
+        let step = watch.sampler.map(|sampler| sampler.finish(trained_s));
+        Ok((trained, log, step))
     }
 }
 
 /// Training, test and virtual cameras; a test view that is a training view once.
-fn all_cameras(scene: &Scene, virtual_cameras: &[Camera]) -> Vec<Camera> {
-    let train = cameras(&scene.train);
+fn all_cameras(scene: &Scene, train: Vec<Camera>, virtual_cameras: &[Camera]) -> Vec<Camera> {
     let is_new = |camera: &Camera| train.iter().all(|other| other.name != camera.name);
     let mut test = cameras(&scene.test);
     test.retain(is_new);

@@ -3,10 +3,12 @@
 use std::time::Instant;
 
 use super::keep::{Keeper, Log};
+use super::profile::Sampler;
 use crate::camera::Frame;
 use crate::config::Config;
 use crate::error::Result;
 use crate::eval::{self, EvalOptions};
+use crate::gpu::{Gpu, Profile};
 use crate::progress::Progress;
 use crate::render::{Model, Renderer};
 use crate::run::{CurvePoint, Evaluation, LossSample};
@@ -19,6 +21,8 @@ pub(super) struct Watch<'a> {
     pub(super) progress: Progress,
     pub(super) curve: Option<Curve<'a>>,
     pub(super) keeper: Keeper<'a>,
+    /// Where the run is profiled.
+    pub(super) sampler: Option<Sampler>,
     /// Training and curve before `clock`.
     pub(super) before_s: f64,
     pub(super) clock: Instant,
@@ -56,6 +60,18 @@ pub(super) fn curve_point(iteration: u32, evaluation: &Evaluation) -> CurvePoint
 }
 
 impl Observer for Watch<'_> {
+    fn times(&self, done: u32) -> bool {
+        self.sampler.as_ref().is_some_and(|s| s.is_due(done))
+    }
+
+    fn profile(&mut self) -> Option<&mut Profile> {
+        self.sampler.as_mut().and_then(Sampler::profile)
+    }
+
+    fn timed(&mut self, gpu: &Gpu) -> Result<()> {
+        self.sampler.as_mut().map_or(Ok(()), |s| s.take(gpu))
+    }
+
     fn inspects(&self, done: u32) -> bool {
         let due = |c: &Curve| done.is_multiple_of(c.every) && done < c.config.iterations;
         self.curve.as_ref().is_some_and(due)

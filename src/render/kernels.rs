@@ -3,7 +3,7 @@
 use super::model::Model;
 use super::workspace::Workspace;
 use crate::gpu::shader::{self, Sources};
-use crate::gpu::{Buffer, Gpu, Kernel};
+use crate::gpu::{Buffer, Gpu, Kernel, Stage, by_degree};
 
 /// Every kernel that renders, compares and differentiates a view.
 pub struct Kernels {
@@ -32,32 +32,38 @@ impl Kernels {
 
     /// Kernels of other sources than the program's.
     pub fn from_sources(gpu: &Gpu, sources: Sources<'_>) -> Kernels {
-        let of_degree = |stage: &str, entry: &'static str, degree: u32| {
-            Kernel::from_source(gpu, stage, entry, sources(stage, degree))
-        };
-        let by_degree = |stage| [0, 1, 2, 3].map(|degree| of_degree(stage, stage, degree));
-        let kernel = |stage: &str, entry| of_degree(stage, entry, 0);
+        let stage = |name: &str, degree: u32| Stage::new(gpu, name, sources(name, degree));
+        let kernel = |name: &'static str| stage(name, 0).kernel(gpu, name);
+        let by_degree =
+            |name: &'static str| by_degree(|degree| stage(name, degree).kernel(gpu, name));
+        let ((project, project_backward), (rasterize, rasterize_backward)) = rayon::join(
+            || rayon::join(|| by_degree("project"), || by_degree("project_backward")),
+            || rayon::join(|| kernel("rasterize"), || kernel("rasterize_backward")),
+        );
+        let (ssim, scan) = rayon::join(|| stage("ssim", 0), || stage("scan", 0));
+        let (radix, loss) = rayon::join(|| stage("radix", 0), || stage("loss_sum", 0));
         Kernels {
-            project: by_degree("project"),
-            depth_keys: kernel("depth_keys", "depth_keys"),
-            radix_count: kernel("radix", "radix_count"),
-            radix_move: kernel("radix", "radix_move"),
-            bin: kernel("bin", "bin"),
-            scan_reduce: kernel("scan", "scan_reduce"),
-            scan_blocks: kernel("scan", "scan_blocks"),
-            scan_spread: kernel("scan", "scan_spread"),
-            find_tile_ranges: kernel("tile_ranges", "find_tile_ranges"),
-            rasterize: kernel("rasterize", "rasterize"),
+            project,
+            depth_keys: kernel("depth_keys"),
+            radix_count: radix.kernel(gpu, "radix_count"),
+            radix_move: radix.kernel(gpu, "radix_move"),
+            bin: kernel("bin"),
+            scan_reduce: scan.kernel(gpu, "scan_reduce"),
+            scan_blocks: scan.kernel(gpu, "scan_blocks"),
+            scan_spread: scan.kernel(gpu, "scan_spread"),
+            find_tile_ranges: stage("tile_ranges", 0).kernel(gpu, "find_tile_ranges"),
+            rasterize,
             ssim: [
-                kernel("ssim", "ssim_horizontal"),
-                kernel("ssim", "ssim_vertical"),
-                kernel("ssim", "ssim_horizontal_backward"),
-                kernel("ssim", "ssim_vertical_backward"),
-            ],
-            loss_blocks: kernel("loss_sum", "loss_blocks"),
-            loss_total: kernel("loss_sum", "loss_total"),
-            rasterize_backward: kernel("rasterize_backward", "rasterize_backward"),
-            project_backward: by_degree("project_backward"),
+                "ssim_horizontal",
+                "ssim_vertical",
+                "ssim_horizontal_backward",
+                "ssim_vertical_backward",
+            ]
+            .map(|entry| ssim.kernel(gpu, entry)),
+            loss_blocks: loss.kernel(gpu, "loss_blocks"),
+            loss_total: loss.kernel(gpu, "loss_total"),
+            rasterize_backward,
+            project_backward,
         }
     }
 }

@@ -16,7 +16,7 @@ use super::workspace::Workspace;
 use crate::error::Result;
 use crate::gpu::constants::WORKGROUP;
 use crate::gpu::shader::{self, Sources};
-use crate::gpu::{Buffer, Commands, Gpu, Kernel};
+use crate::gpu::{Buffer, Commands, Gpu, Kernel, by_degree};
 
 /// The kernels of this stage, which only moving cameras need.
 pub struct PoseKernels {
@@ -37,7 +37,7 @@ impl PoseKernels {
             Kernel::from_source(gpu, stage, entry, sources(stage, degree))
         };
         PoseKernels {
-            backward: [0, 1, 2, 3].map(|degree| kernel("pose_backward", degree)),
+            backward: by_degree(|degree| kernel("pose_backward", degree)),
             total: kernel("pose_total", 0),
         }
     }

@@ -20,9 +20,21 @@ pub struct Metrics {
     pub memory: Memory,
     pub loss: Vec<LossSample>,
     pub model_size: Vec<ModelSize>,
+    /// How far each training camera's pose was moved; empty where they were held.
+    #[serde(default)]
+    pub refined_poses: Vec<PoseChange>,
     /// Errors at the test views on the way, the last those of `eval.json`; empty unless asked for.
     #[serde(default)]
     pub curve: Vec<CurvePoint>,
+}
+
+/// What refinement made of a training camera's pose.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PoseChange {
+    pub view: String,
+    pub turn_deg: f64,
+    /// Of the optical centre, in shares of the sphere's radius.
+    pub shift: f64,
 }
 
 /// Mean errors over the test views after some iterations.
@@ -70,21 +82,48 @@ pub struct JobRecord {
 /// Wall-clock seconds of each stage; null where a stage was not run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Seconds {
+    /// Opening the adapter.
+    pub open: Option<f64>,
     pub load: Option<f64>,
     pub field: Option<f64>,
     pub carve: Option<f64>,
     pub sample: Option<f64>,
     pub splat: Option<f64>,
+    /// The first Gaussians, with their scales from the nearest points.
+    pub gaussians: Option<f64>,
+    /// What is written before training, and checksums of what is learnt from.
+    pub files: Option<f64>,
+    /// All compute pipelines.
+    pub compile: Option<f64>,
+    /// Buffers allocated and filled, and a checkpoint read where the run is resumed.
+    pub upload: Option<f64>,
+    /// From the command to the first iteration: all of the above.
+    pub to_first_iteration: Option<f64>,
+    /// Part of `train`; where the run was profiled.
+    pub first_iteration: Option<f64>,
     pub train: Option<f64>,
+    /// Part of `train`: densification, pruning and opacity resets.
+    pub densify: Option<f64>,
     /// Part of `train`.
     pub checkpoints: Option<f64>,
     pub eval: Option<f64>,
+    /// The run's page; in `profile.json` alone.
+    pub report: Option<f64>,
 }
 
 impl Seconds {
     /// From loading the scene to the trained model; none where it was not trained.
     pub fn to_model(&self) -> Option<f64> {
-        let before = [self.load, self.field, self.carve, self.sample, self.splat];
+        let before = [
+            self.load,
+            self.field,
+            self.carve,
+            self.sample,
+            self.splat,
+            self.gaussians,
+            self.compile,
+            self.upload,
+        ];
         Some(before.iter().flatten().sum::<f64>() + self.train?)
     }
 }

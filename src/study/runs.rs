@@ -123,7 +123,7 @@ impl Planned {
     fn finish(&self, state: State, measure: &EvalOptions) -> Result<Finished> {
         match state {
             State::ToTrain if self.is_begun() => {
-                TrainJob::resume(&self.root, None, measure)?;
+                TrainJob::resume(&self.root, (None, false), measure)?;
             }
             State::ToTrain => {
                 // Only what an interruption left is replaced.

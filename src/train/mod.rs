@@ -4,12 +4,13 @@
 //! [`policy`] decides on the CPU which Gaussians come and go, [`trainer`] runs the loop, and
 //! [`checkpoint`] takes it apart and puts it together again between two iterations. [`supervision`]
 //! is what they learn from, [`shell`] a background of Gaussians beyond the scene, and [`pose_adam`]
-//! moves cameras.
+//! moves cameras, where they are refined.
 
 pub mod checkpoint;
 pub mod optimizer;
 pub mod policy;
 pub mod pose_adam;
+mod refine;
 pub mod schedule;
 pub mod shell;
 pub mod supervision;
@@ -17,6 +18,7 @@ pub mod trainer;
 
 pub use checkpoint::{State, fingerprint};
 pub use pose_adam::PoseAdam;
+pub use refine::{RefinedPose, pose_rates};
 pub use shell::Shell;
 pub use supervision::{Supervision, TrainingView};
-pub use trainer::{Observer, PlanRecord, Trained, Trainer, train};
+pub use trainer::{Observer, PlanRecord, Trained, Trainer, TrainerSeconds, train};

@@ -7,13 +7,13 @@ use super::schedule;
 use crate::config::Config;
 use crate::error::Result;
 use crate::gpu::shader::{self, Sources};
-use crate::gpu::{Buffer, Commands, Gpu, Kernel, shader_count};
+use crate::gpu::{Buffer, Commands, Gpu, Kernel, Stage, by_degree, shader_count};
 use crate::render::{BLOCK_PLANES, Model, Workspace, most_gaussians, n_blocks};
 
 /// The kernels of this stage.
 pub struct OptimizerKernels {
-    /// By active SH degree, one a parameter block.
-    adam: [[Kernel; 4]; 4],
+    /// By active SH degree, one a parameter block that has parameters of it.
+    adam: [Vec<Kernel>; 4],
     rearrange: Kernel,
     reset_opacity: Kernel,
 }
@@ -25,16 +25,18 @@ impl OptimizerKernels {
 
     /// Kernels of other sources than the program's.
     pub fn from_sources(gpu: &Gpu, sources: Sources<'_>) -> OptimizerKernels {
-        let kernel = |stage: &str, entry, degree| {
-            Kernel::from_source(gpu, stage, entry, sources(stage, degree))
+        let stage = |name: &str, degree: u32| Stage::new(gpu, name, sources(name, degree));
+        let kernel = |name: &str, entry| stage(name, 0).kernel(gpu, entry);
+        let adam = |degree: u32| {
+            let stage = stage("adam", degree);
+            let entries = ["adam_geometry", "adam_sh_0", "adam_sh_2", "adam_sh_3"];
+            let entries = entries.into_iter().take(n_blocks(degree));
+            entries.map(|entry| stage.kernel(gpu, entry)).collect()
         };
         OptimizerKernels {
-            adam: [0, 1, 2, 3].map(|degree| {
-                ["adam_geometry", "adam_sh_0", "adam_sh_2", "adam_sh_3"]
-                    .map(|entry| kernel("adam", entry, degree))
-            }),
-            rearrange: kernel("rearrange", "rearrange_planes", 0),
-            reset_opacity: kernel("reset_opacity", "reset_opacity", 0),
+            adam: by_degree(adam),
+            rearrange: kernel("rearrange", "rearrange_planes"),
+            reset_opacity: kernel("reset_opacity", "reset_opacity"),
         }
     }
 }

@@ -1,11 +1,15 @@
 //! The training loop.
 
+use std::time::Instant;
+
 use serde::{Deserialize, Serialize};
 
 use super::optimizer::{Optimizer, OptimizerKernels, StepUniform};
 use super::policy::{self, Surroundings};
+use super::refine::Refinement;
 use super::schedule::{self, ViewOrder};
 use super::supervision::{Supervision, TrainingView};
+use crate::camera::Camera;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
@@ -25,6 +29,25 @@ const RESET_OPACITY: f64 = 0.01;
 pub trait Observer {
     /// After every look at the losses.
     fn look(&mut self, sample: &LossSample, n_gaussians: usize);
+
+    /// Whether the iteration that makes `done` is to be timed.
+    fn times(&self, _done: u32) -> bool {
+        false
+    }
+
+    /// What times it by kernel, if anything.
+    fn profile(&mut self) -> Option<&mut Profile> {
+        None
+    }
+
+    /// After such an iteration, once it is done on the GPU. One that has to be repeated is told of
+    /// when it is done.
+    ///
+    /// # Errors
+    /// End the training.
+    fn timed(&mut self, _gpu: &Gpu) -> Result<()> {
+        Ok(())
+    }
 
     /// Whether [`Observer::inspect`] is to be called after `done` iterations (0: at the start).
     fn inspects(&self, _done: u32) -> bool {
@@ -73,6 +96,8 @@ pub struct PlanRecord {
 pub struct Trained {
     /// Canonical frame.
     pub gaussians: Gaussians,
+    /// The training cameras, refined where the config asks for it; canonical frame.
+    pub cameras: Vec<Camera>,
     pub samples: Vec<LossSample>,
     pub plans: Vec<PlanRecord>,
 }
@@ -92,25 +117,36 @@ pub fn train(
     Trainer::new(gpu, kernels, start, supervision, config)?.run(observer)
 }
 
+/// Wall-clock seconds of parts of a training run.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TrainerSeconds {
+    /// The optimizer's pipelines.
+    pub compile: f64,
+    /// Densification, pruning and opacity resets.
+    pub densify: f64,
+}
+
 /// A training run in progress.
 pub struct Trainer<'a> {
     pub(super) gpu: &'a Gpu,
     kernels: &'a Kernels,
     optimizer_kernels: OptimizerKernels,
-    supervision: &'a Supervision,
-    config: &'a Config,
-    real: Vec<ViewUniform>,
+    pub(super) supervision: &'a Supervision,
+    pub(super) config: &'a Config,
+    pub(super) real: Vec<ViewUniform>,
     virtual_views: Vec<ViewUniform>,
     real_order: ViewOrder,
     virtual_order: ViewOrder,
     pub(super) optimizer: Optimizer,
-    workspace: Workspace,
+    pub(super) workspace: Workspace,
     bound: Bound,
     adam: Vec<Vec<wgpu::BindGroup>>,
+    pub(super) refinement: Option<Refinement>,
     /// Number of finished iterations, where the run starts or has last been kept.
     pub(super) done: u32,
     pub(super) samples: Vec<LossSample>,
     pub(super) plans: Vec<PlanRecord>,
+    seconds: TrainerSeconds,
 }
 
 impl<'a> Trainer<'a> {
@@ -140,11 +176,15 @@ impl<'a> Trainer<'a> {
         let model = Model::upload(gpu, start, start.len())?;
         let all = [real.clone(), virtual_views.clone()].concat();
         let capacity = Capacity::new(model.stride, 12 * model.n.max(1024), &all);
+        let clock = Instant::now();
         let optimizer_kernels = OptimizerKernels::new(gpu);
+        let compile = clock.elapsed().as_secs_f64();
         let optimizer = Optimizer::new(gpu, model)?;
         let workspace = Workspace::new(gpu, capacity, true)?;
         let bound = Bound::new(gpu, kernels, &workspace, &optimizer.model);
         let adam = optimizer.bind(gpu, &optimizer_kernels, &workspace);
+        let refine = || Refinement::new(gpu, &workspace, &optimizer.model, &supervision.real);
+        let refinement = config.poses.refine.then(refine).transpose()?;
         Ok(Trainer {
             gpu,
             kernels,
@@ -159,10 +199,20 @@ impl<'a> Trainer<'a> {
             workspace,
             bound,
             adam,
+            refinement,
             done: 0,
             samples: Vec::new(),
             plans: Vec::new(),
+            seconds: TrainerSeconds {
+                compile,
+                densify: 0.0,
+            },
         })
+    }
+
+    /// What parts of the run have taken so far.
+    pub fn seconds(&self) -> TrainerSeconds {
+        self.seconds
     }
 
     /// (tile, Gaussian) pairs that the buffers hold. A step that has more is repeated with
@@ -190,7 +240,10 @@ impl<'a> Trainer<'a> {
             observer.inspect(done, &self.optimizer.model)?;
         }
         while done < config.iterations {
-            let views = self.step(done, None);
+            let times = observer.times(done + 1);
+            let profile = if times { observer.profile() } else { None };
+            let views = self.step(done, profile);
+            self.refine(done, views.0)?;
             done += 1;
             let changes = schedule::densifies(config, done)
                 || schedule::prunes_by_coverage(config, done)
@@ -199,12 +252,15 @@ impl<'a> Trainer<'a> {
                 changes || done.is_multiple_of(LOOK_INTERVAL) || done == config.iterations;
             let inspects = observer.inspects(done);
             let keeps = observer.keeps(done);
-            if !(samples || inspects || keeps) {
+            if !(samples || inspects || keeps || times) {
                 continue;
             }
             if let Some(skipped) = self.make_room()? {
                 done = skipped;
                 continue;
+            }
+            if times {
+                observer.timed(self.gpu)?;
             }
             if samples {
                 let sample = self.sample(done, views)?;
@@ -225,6 +281,7 @@ impl<'a> Trainer<'a> {
         self.gpu.wait()?;
         Ok(Trained {
             gaussians: self.optimizer.model.download(self.gpu)?,
+            cameras: self.cameras(),
             samples: std::mem::take(&mut self.samples),
             plans: std::mem::take(&mut self.plans),
         })
@@ -266,6 +323,9 @@ impl<'a> Trainer<'a> {
             pass.forward(&mut commands);
             pass.loss(&mut commands, loss);
             pass.backward(&mut commands);
+            if let (0, Some(refinement)) = (slot, &self.refinement) {
+                pass.pose_backward(&mut commands, &refinement.kernels, &refinement.gradient);
+            }
             let [x, y, z, _] = uniform.center_near;
             centers.push([x, y, z]);
         }
@@ -329,7 +389,7 @@ impl<'a> Trainer<'a> {
 
     /// Densifies, prunes and resets as the schedule says after `done` iterations.
     fn change(&mut self, done: u32) -> Result<()> {
-        let config = self.config;
+        let (config, clock) = (self.config, Instant::now());
         if schedule::densifies(config, done) || schedule::prunes_by_coverage(config, done) {
             let gathered = self.optimizer.gather(self.gpu)?;
             let surroundings = Surroundings {
@@ -357,6 +417,7 @@ impl<'a> Trainer<'a> {
                 self.supervision.frozen_beyond(),
             );
         }
+        self.seconds.densify += clock.elapsed().as_secs_f64();
         Ok(())
     }
 
@@ -365,8 +426,7 @@ impl<'a> Trainer<'a> {
         if self.optimizer.model.stride > self.workspace.capacity.stride {
             return self.grow(0);
         }
-        self.rebind();
-        Ok(())
+        self.rebind()
     }
 
     /// Makes room for the model and for half as many pairs again as `pairs`.
@@ -385,11 +445,10 @@ impl<'a> Trainer<'a> {
         let wanted = (pairs + pairs / 2).min(most_pairs).max(pairs);
         capacity.pairs = capacity.pairs.max(wanted);
         self.workspace = Workspace::new(self.gpu, capacity, true)?;
-        self.rebind();
-        Ok(())
+        self.rebind()
     }
 
-    fn rebind(&mut self) {
+    fn rebind(&mut self) -> Result<()> {
         self.bound = Bound::new(
             self.gpu,
             self.kernels,
@@ -399,5 +458,9 @@ impl<'a> Trainer<'a> {
         self.adam = self
             .optimizer
             .bind(self.gpu, &self.optimizer_kernels, &self.workspace);
+        if let Some(refinement) = &mut self.refinement {
+            refinement.rebind(self.gpu, &self.workspace, &self.optimizer.model)?;
+        }
+        Ok(())
     }
 }

@@ -32,7 +32,7 @@ fn train_with(root: &Path, fault: impl FnOnce(&Gpu) + Send) -> Result<Evaluation
             &gpu,
             &scene,
             &job,
-            0.0,
+            Default::default(),
             &EvalOptions::default(),
             &run,
             &Stop::unheard(),
@@ -78,7 +78,7 @@ fn memory_that_runs_out_is_named_with_sizes_and_the_run_goes_on_from_its_checkpo
         assert!(text.contains(part), "no `{part}` in: {text}");
     }
     assert!(!root.join("metrics.json").exists());
-    let resumed = TrainJob::resume(&root, None, &EvalOptions::default()).expect("trains");
+    let resumed = TrainJob::resume(&root, (None, false), &EvalOptions::default()).expect("trains");
     assert!(resumed.evaluation.is_some());
     assert!(Outcome::of(&root) == undisturbed(&folder.path().join("other")));
 }

@@ -39,7 +39,16 @@ fn stopped(scene: &Folder, root: &Path) {
     stop.ask();
     let gpu = Gpu::open().expect("an adapter");
     let loaded = job.load().expect("a scene");
-    let error = pipeline::train(&gpu, &loaded, &job, 0.0, &options(), &run, &stop).unwrap_err();
+    let error = pipeline::train(
+        &gpu,
+        &loaded,
+        &job,
+        Default::default(),
+        &options(),
+        &run,
+        &stop,
+    )
+    .unwrap_err();
     assert_eq!(
         (error.kind(), error.exit_code()),
         (ErrorKind::Interrupted, 130)
@@ -53,7 +62,7 @@ fn stopped(scene: &Folder, root: &Path) {
 #[track_caller]
 fn assert_refused(root: &Path, parts: &[&str]) {
     let before = fs::read(root.join("checkpoints/0000000001.ckpt")).expect("a checkpoint");
-    let error = TrainJob::resume(root, None, &options())
+    let error = TrainJob::resume(root, (None, false), &options())
         .err()
         .expect("a refusal");
     assert_eq!(error.exit_code(), 1);
@@ -109,10 +118,10 @@ fn a_checkpoint_of_another_config_or_scene_is_refused_by_name_until_it_is_restor
     assert_refused(&root, &["the scene is not what it was: point cloud;"]);
     scene.write("sparse/0/points3D.ply", GOOD_PLY);
 
-    let resumed = TrainJob::resume(&root, None, &options()).expect("as it was");
+    let resumed = TrainJob::resume(&root, (None, false), &options()).expect("as it was");
     assert!(resumed.evaluation.is_some());
     drop(resumed);
-    let again = TrainJob::resume(&root, None, &options()).expect("finished");
+    let again = TrainJob::resume(&root, (None, false), &options()).expect("finished");
     assert!(again.evaluation.is_none());
     let other = folder.path().join("other");
     job(&scene).run(&other, false, &options()).expect("trains");

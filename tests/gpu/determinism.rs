@@ -62,7 +62,7 @@ fn run(scene: &Scene, root: &Path, eval_every: Option<u32>) -> (Vec<u8>, String,
     };
     let gpu = Gpu::open().expect("an adapter");
     let (options, stop) = (EvalOptions::default(), Stop::unheard());
-    pipeline::train(&gpu, scene, &job, 0.0, &options, &run, &stop).expect("trains");
+    pipeline::train(&gpu, scene, &job, Default::default(), &options, &run, &stop).expect("trains");
     let mut metrics = run.metrics().expect("written");
     metrics.seconds = Seconds::default();
     metrics.memory = Default::default();

@@ -245,8 +245,16 @@ fn a_test_view_that_is_a_training_view_is_evaluated_like_any_other() {
     let job = TrainJob::new(source, config(60)).expect("a job");
     let gpu = gspotential::gpu::Gpu::open().expect("an adapter");
     let (options, stop) = (EvalOptions::default(), Stop::unheard());
-    let evaluation =
-        pipeline::train(&gpu, &scene, &job, 0.0, &options, &run, &stop).expect("trains");
+    let evaluation = pipeline::train(
+        &gpu,
+        &scene,
+        &job,
+        Default::default(),
+        &options,
+        &run,
+        &stop,
+    )
+    .expect("trains");
     let psnr: Vec<f64> = evaluation.views.iter().filter_map(|v| v.psnr).collect();
     assert_eq!(psnr.len(), 2);
     assert!(psnr[1] > psnr[0], "{psnr:?}");

@@ -1,0 +1,82 @@
+//! Taking the time of a sample of a run's iterations.
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use crate::error::Result;
+use crate::gpu::{Gpu, KernelTime, Profile};
+use crate::run::StepProfile;
+
+/// Iterations between two that are timed: waiting for one in so many costs next to nothing.
+const INTERVAL: u32 = 50;
+
+/// Times the first iteration, in which drivers still compile, as a whole, and by kernel every
+/// [`INTERVAL`]-th and the last one.
+pub(super) struct Sampler {
+    /// None where the adapter has no timestamps.
+    profile: Option<Profile>,
+    begin: Instant,
+    /// Iterations that were done before.
+    before: u32,
+    iterations: u32,
+    times: BTreeMap<&'static str, KernelTime>,
+    timed: u32,
+    first_s: Option<f64>,
+}
+
+impl Sampler {
+    /// Of a run of `iterations` iterations that begins after `before` of them, now.
+    pub(super) fn new(gpu: &Gpu, before: u32, iterations: u32) -> Sampler {
+        Sampler {
+            profile: Profile::new(gpu),
+            begin: Instant::now(),
+            before,
+            iterations,
+            times: BTreeMap::new(),
+            timed: 0,
+            first_s: None,
+        }
+    }
+
+    pub(super) fn is_due(&self, done: u32) -> bool {
+        self.first_s.is_none() || done.is_multiple_of(INTERVAL) || done == self.iterations
+    }
+
+    pub(super) fn profile(&mut self) -> Option<&mut Profile> {
+        let profile = self.profile.as_mut()?;
+        // Of an iteration that has to be repeated, nothing is taken.
+        profile.clear();
+        Some(profile)
+    }
+
+    /// # Errors
+    /// A GPU fault.
+    pub(super) fn take(&mut self, gpu: &Gpu) -> Result<()> {
+        if self.first_s.is_none() {
+            self.first_s = Some(self.begin.elapsed().as_secs_f64());
+            return Ok(());
+        }
+        let Some(profile) = &mut self.profile else {
+            return Ok(());
+        };
+        for (kernel, time) in profile.take(gpu)? {
+            let sum = self.times.entry(kernel).or_default();
+            sum.seconds += time.seconds;
+            sum.dispatches += time.dispatches;
+        }
+        self.timed += 1;
+        Ok(())
+    }
+
+    /// Wall-clock seconds of the first iteration.
+    pub(super) fn first_s(&self) -> Option<f64> {
+        self.first_s
+    }
+
+    /// What was measured, where all iterations took `train_s`.
+    pub(super) fn finish(&self, train_s: f64) -> StepProfile {
+        let iterations = self.iterations - self.before;
+        let wall_s = train_s / f64::from(iterations.max(1));
+        StepProfile::new(&self.times, (self.timed, iterations), wall_s)
+    }
+}

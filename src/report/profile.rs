@@ -1,0 +1,81 @@
+//! Where a run's time went.
+
+use super::table::{Table, figure};
+use crate::run::{RunProfile, Seconds, StepProfile};
+
+/// Both tables of a run's profile, in Markdown.
+pub fn profile_tables(profile: &RunProfile) -> String {
+    let step = &profile.step;
+    let kernels = if step.kernels.is_empty() {
+        "No GPU times by kernel: the adapter has no timestamp queries, or there was no iteration after \
+         the first\n"
+            .to_owned()
+    } else {
+        format!(
+            "GPU time by kernel, mean of {} of {} iterations, by timestamps\n\n{}",
+            step.timed,
+            step.iterations,
+            kernel_table(step)
+        )
+    };
+    let stages = stage_table(&profile.seconds);
+    format!(
+        "{kernels}\nWall-clock time by stage; those with a dash are parts of training\n\n{stages}"
+    )
+}
+
+/// An iteration by kernel.
+pub fn kernel_table(step: &StepProfile) -> Table {
+    let mut table = Table::new(&["kernel", "ms a step", "share", "dispatches"]);
+    let total = step.kernel_s();
+    let dispatches = |n: f64| format!("{n:.1}");
+    let ms = |seconds: f64| format!("{:.3}", 1e3 * seconds);
+    for kernel in &step.kernels {
+        table.row(&[
+            kernel.kernel.clone(),
+            ms(kernel.seconds),
+            format!("{:.1} %", 100.0 * kernel.seconds / total),
+            dispatches(kernel.dispatches),
+        ]);
+    }
+    let n = step.kernels.iter().map(|kernel| kernel.dispatches).sum();
+    table.row(&[
+        "all kernels".to_owned(),
+        ms(total),
+        "100 %".to_owned(),
+        dispatches(n),
+    ]);
+    table.row(&["an iteration, wall clock".to_owned(), ms(step.wall_s)]);
+    table
+}
+
+fn stage_table(seconds: &Seconds) -> Table {
+    let mut table = Table::new(&["stage", "seconds"]);
+    for (stage, s) in [
+        ("adapter", seconds.open),
+        ("loading", seconds.load),
+        ("focus and field", seconds.field),
+        ("carving", seconds.carve),
+        ("virtual cameras", seconds.sample),
+        ("splatting", seconds.splat),
+        ("first Gaussians", seconds.gaussians),
+        ("files and checksums", seconds.files),
+        ("pipelines", seconds.compile),
+        ("buffers and upload", seconds.upload),
+        (
+            "**from the command to the first iteration**",
+            seconds.to_first_iteration,
+        ),
+        ("training", seconds.train),
+        ("- the first iteration", seconds.first_iteration),
+        ("- densification, pruning, resets", seconds.densify),
+        ("- checkpoints", seconds.checkpoints),
+        ("evaluation", seconds.eval),
+        ("report", seconds.report),
+    ] {
+        if s.is_some() {
+            table.row(&[stage.to_owned(), figure(s, 3)]);
+        }
+    }
+    table
+}

@@ -1,0 +1,68 @@
+//! What `profile.json` holds.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::Seconds;
+use crate::gpu::KernelTime;
+
+/// What a run's time went into: `profile.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunProfile {
+    /// The GPU adapter's name, driver and backend.
+    pub adapter: String,
+    pub seconds: Seconds,
+    pub step: StepProfile,
+}
+
+/// What an iteration of training takes: means over a sample of them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StepProfile {
+    /// Iterations that were run, and those of them that were timed kernel by kernel.
+    pub iterations: u32,
+    pub timed: u32,
+    /// Wall-clock seconds an iteration, over all of them, without checkpoints.
+    pub wall_s: f64,
+    /// The slowest first; empty where the adapter has no timestamps.
+    pub kernels: Vec<KernelProfile>,
+}
+
+/// One kernel's part of an iteration.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KernelProfile {
+    pub kernel: String,
+    pub seconds: f64,
+    pub dispatches: f64,
+}
+
+impl StepProfile {
+    /// `times` are sums over the `timed` ones of `iterations` iterations.
+    pub fn new(
+        times: &BTreeMap<&'static str, KernelTime>,
+        (timed, iterations): (u32, u32),
+        wall_s: f64,
+    ) -> StepProfile {
+        let n = f64::from(timed.max(1));
+        let mut kernels: Vec<KernelProfile> = times
+            .iter()
+            .map(|(name, time)| KernelProfile {
+                kernel: (*name).to_owned(),
+                seconds: time.seconds / n,
+                dispatches: f64::from(time.dispatches) / n,
+            })
+            .collect();
+        kernels.sort_by(|a, b| b.seconds.total_cmp(&a.seconds));
+        StepProfile {
+            iterations,
+            timed,
+            wall_s,
+            kernels,
+        }
+    }
+
+    /// Seconds of all kernels.
+    pub fn kernel_s(&self) -> f64 {
+        self.kernels.iter().map(|k| k.seconds).sum()
+    }
+}
