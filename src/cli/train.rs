@@ -40,8 +40,8 @@ pub struct TrainArgs {
     #[arg(long, value_name = "RUN")]
     out: Option<PathBuf>,
 
-    /// Preset to start from: `paper`, the method, or `3dgs`, its baseline without virtual views
-    /// and coverage rules [default: paper]
+    /// Preset to start from: `gspotential`, our best, `paper`, the paper's method, `3dgs`, its
+    /// baseline, or another that `gspotential presets` lists [default: gspotential]
     #[arg(long, value_name = "NAME", conflicts_with = "config")]
     preset: Option<String>,
 
