@@ -79,6 +79,7 @@ fn own_preset_differs_from_the_paper_in_its_parts_alone() {
         "coverage.densify=false",
         "coverage.prune=false",
         "densify.enabled=false",
+        "iterations=7000",
         "loss.fill_weight=0.3",
         "shell.count=500",
         "views.visibility.enabled=true",

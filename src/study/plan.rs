@@ -66,7 +66,8 @@ impl<'a> Base<'a> {
     }
 
     /// The method under the study's options, then what the preset does otherwise than the
-    /// method, then `changes` (`key=value`).
+    /// method, then `changes` (`key=value`). A preset that trains for less or more iterations
+    /// than the method does so in proportion.
     ///
     /// # Errors
     /// Usage: what the config does not allow.
@@ -80,12 +81,15 @@ impl<'a> Base<'a> {
                 .set(setting)
                 .map_err(|e| e.at(format!("--set {setting}")))?;
         }
-        config.iterations = options.iterations.unwrap_or(config.iterations);
+        let iterations = options.iterations.unwrap_or(config.iterations);
+        let share = f64::from(preset.iterations) / f64::from(method.iterations);
+        config.iterations = (share * f64::from(iterations)).round().max(1.0) as u32;
         config.scene.max_size_px = options.max_size.or(config.scene.max_size_px);
         config.scene.max_points = options.max_points.or(config.scene.max_points);
         let own = preset.differences(&method)?;
         let own = own
             .into_iter()
+            .filter(|(key, ..)| key != "iterations")
             .map(|(key, value, _)| format!("{key}={value}"));
         for change in own.chain(changes.iter().cloned()) {
             config = config.set(&change)?;
