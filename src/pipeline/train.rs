@@ -6,7 +6,7 @@ use super::evaluate::Seen;
 use super::keep::{Identity, Keeper, Log};
 use super::profile::Sampler;
 use super::watch::{Curve, Watch, curve_point};
-use super::{Clock, Prepared, TrainJob, cameras, evaluate, prepare};
+use super::{Clock, Forecast, Prepared, TrainJob, cameras, evaluate, prepare};
 use crate::camera::Camera;
 use crate::cameras_json::write_cameras;
 use crate::config::Config;
@@ -75,6 +75,9 @@ pub fn train(
     if n_shell > 0 {
         log::info!("{n_shell} Gaussians in the far shell");
     }
+    let config = fitted(&job.config, gpu, start.len())?;
+    let forecast = Forecast::new(gpu, scene, &task.prepared, &config);
+    log::info!("memory, predicted\n{}", forecast.tables());
     write_virtual_sheet(run, &supervision.virtual_views)?;
     write_cameras(&run.cameras(), &all_cameras(scene, virtual_cameras))?;
     files_s += clock.lap();
@@ -120,7 +123,14 @@ impl Task<'_> {
         let kernels = Kernels::new(gpu);
         seconds.compile = Some(clock.lap());
         let (trained, log, step) = self.train(gpu, &kernels, clock, &mut seconds)?;
-        write_ply(&run.point_cloud(), &trained.gaussians, &prepared.frame)?;
+        let Trained {
+            gaussians,
+            samples,
+            plans,
+        } = trained;
+        write_ply(&run.point_cloud(), &gaussians, &prepared.frame)?;
+        // What is measured is what was written.
+        drop(gaussians);
         clock.lap();
         let (config, frame) = (&job.config, &prepared.frame);
         let device = (gpu, &kernels);
@@ -157,8 +167,8 @@ impl Task<'_> {
                 host_peak_bytes: peak_host_bytes(),
                 gpu_peak_bytes: Some(gpu.peak_bytes()),
             },
-            loss: trained.samples,
-            model_size: model_sizes(prepared.start.len(), &trained.plans),
+            loss: samples,
+            model_size: model_sizes(prepared.start.len(), &plans),
             curve,
         })?;
         clock.lap();
@@ -314,6 +324,7 @@ fn write_virtual_sheet(run: &RunDir, views: &[TrainingView]) -> Result<()> {
     let mut sheet = ContactSheet::new(views.len(), 2, width, height)?;
     for TrainingView { camera, goal, .. } in views {
         let (width, height) = (camera.width, camera.height);
+        let goal = goal.texels();
         let rgb = goal
             .iter()
             .flat_map(|t| t.to_le_bytes().into_iter().take(3))
