@@ -50,8 +50,9 @@ impl Forecast {
     /// The tables, in Markdown.
     pub fn tables(&self) -> String {
         let mut text = format!(
-            "{}\n{}",
+            "{}\nRoom for pairs, {} bytes each, grows to half as many again as a view turns out to have.\n\n{}",
             gpu_memory_table(&self.gpu),
+            self.gpu.bytes_a_pair(),
             host_memory_table(&self.host)
         );
         if let Some(most) = &self.gpu_at_most {

@@ -47,6 +47,7 @@ pub fn train(
     let mut files_s = clock.lap();
     let prepared = prepare(scene, &job.config, &mut seconds)?;
     clock.lap();
+    let config = fitted(&job.config, gpu, prepared.start.len())?;
     for warning in &prepared.warnings {
         log::warn!("{warning}");
     }
@@ -56,6 +57,7 @@ pub fn train(
     let task = Task {
         scene,
         job,
+        config,
         prepared,
         options,
         stamp,
@@ -75,8 +77,7 @@ pub fn train(
     if n_shell > 0 {
         log::info!("{n_shell} Gaussians in the far shell");
     }
-    let config = fitted(&job.config, gpu, start.len())?;
-    let forecast = Forecast::new(gpu, scene, &task.prepared, &config);
+    let forecast = Forecast::new(gpu, scene, &task.prepared, &task.config);
     log::info!("memory, predicted\n{}", forecast.tables());
     write_virtual_sheet(run, &supervision.virtual_views)?;
     write_cameras(&run.cameras(), &all_cameras(scene, virtual_cameras))?;
@@ -96,6 +97,8 @@ pub fn train(
 struct Task<'a> {
     scene: &'a Scene,
     job: &'a TrainJob,
+    /// The job's, as the adapter can hold it.
+    config: Config,
     prepared: Prepared,
     options: &'a EvalOptions,
     /// Of the scene's files when they were loaded.
@@ -202,7 +205,7 @@ impl Task<'_> {
             stop,
             ..
         } = self;
-        let config = &fitted(&job.config, gpu, prepared.start.len())?;
+        let config = &self.config;
         let identity = Identity::new(gpu, &job.config, scene, prepared)?;
         seconds.files = Some(seconds.files.unwrap_or(0.0) + clock.lap());
         let mut keeper = Keeper::new(run, stop, identity, job.checkpoint_every, config.iterations);

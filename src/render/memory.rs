@@ -9,7 +9,7 @@ use crate::gpu::constants::N_TOTALS;
 use crate::gpu::{Buffer, Gpu};
 
 /// (tile, Gaussian) pairs a Gaussian that there is room for at first. At 320 pixels, pairs are
-/// about 4 a Gaussian; a step that has more is repeated with more room.
+/// about 4 a Gaussian, at 1600 up to 11; a step that has more is repeated with more room.
 const FIRST_PAIRS: usize = 6;
 
 /// Pairs of one view that there is room for at first.

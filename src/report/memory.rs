@@ -29,7 +29,7 @@ pub fn gpu_memory_table(bytes: &TrainingBytes) -> Table {
     row("projected Gaussians", &gaussians, workspace.splats);
     row("(tile, Gaussian) pairs", &pairs, workspace.pairs);
     row("gradients of pairs", &pairs, workspace.pair_gradients);
-    row("sorting", &pairs, workspace.sorts);
+    row("sorting", "both", workspace.sorts);
     row("render", &pixels, workspace.image);
     row("loss and its gradient", &pixels, workspace.loss);
     row("goals of a step's two views", &pixels, workspace.goals);

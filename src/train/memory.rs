@@ -77,6 +77,18 @@ impl TrainingBytes {
         }
     }
 
+    /// Bytes of a (tile, Gaussian) pair, but for the sort's counts.
+    pub fn bytes_a_pair(&self) -> u64 {
+        let WorkspaceBytes {
+            pairs,
+            pair_gradients,
+            ..
+        } = self.workspace;
+        let n = self.n_pairs.max(1) as u64;
+        // The sort's second half is as large as its first, two of the three words of a pair.
+        (pairs + pairs / 3 * 2 + pair_gradients) / n
+    }
+
     /// What is held between two iterations.
     pub fn held(&self) -> u64 {
         self.model + self.moments + self.statistics + self.workspace.total()
