@@ -6,7 +6,7 @@ pub use similarity::Similarity;
 
 use std::ops::RangeInclusive;
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec2, DVec3};
 
 use crate::error::{Error, Result};
 
@@ -42,6 +42,19 @@ impl Camera {
     /// Unit up direction in the world (the camera's -y).
     pub fn up(&self) -> DVec3 {
         -self.rotation.row(1)
+    }
+
+    /// Where a point of the world falls in the image, pixels, and its depth.
+    pub fn project(&self, p: DVec3) -> (DVec2, f64) {
+        let q = self.rotation * p + self.translation;
+        let pixel = DVec2::new(self.fx * q.x / q.z + self.cx, self.fy * q.y / q.z + self.cy);
+        (pixel, q.z)
+    }
+
+    /// Angle between the orientations of two cameras, radians, and distance between their centres.
+    pub fn difference(&self, other: &Camera) -> (f64, f64) {
+        let [a, b] = [self, other].map(|camera| DQuat::from_mat3(&camera.rotation));
+        (a.angle_between(b), self.center().distance(other.center()))
     }
 
     /// A camera at `eye` that looks at `target` with `up` (world, any length) upwards in the

@@ -32,6 +32,7 @@ pub struct Config {
     pub shell: ShellConfig,
     pub loss: LossConfig,
     pub dropout: DropoutConfig,
+    pub poses: PosesConfig,
     pub optimizer: OptimizerConfig,
     pub densify: DensifyConfig,
     pub coverage: CoverageConfig,
@@ -222,6 +223,21 @@ pub struct DropoutConfig {
     /// out of both views' renders with this probability, and the opacity of the others is
     /// divided by one less it (DropGaussian, Park et al. 2025). The file needs no correction.
     pub rate_end: f64,
+}
+
+/// Refinement of the training cameras' poses with the Gaussians. The field and the virtual views are
+/// those of the poses before; these views and the cloud hold the frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PosesConfig {
+    /// Otherwise poses stay as the scene has them.
+    pub refine: bool,
+    /// Learning rate of a camera's turn about its centre at the start, radians.
+    pub turn_lr: f64,
+    /// Learning rate of its shift at the start, in `R`.
+    pub shift_lr: f64,
+    /// Share of both that is left at the end; in between they fall exponentially.
+    pub rate_left: f64,
 }
 
 /// Adam with 3DGS's learning rates.

@@ -1,8 +1,10 @@
 //! Errors at the test views.
 
 mod fit;
+mod poses;
 
 pub use fit::fit_poses;
+pub use poses::PoseErrors;
 
 use rayon::prelude::*;
 

@@ -32,7 +32,7 @@ pub use names::file_names;
 pub use profile::{KernelProfile, RunProfile, StepProfile};
 pub use record::{
     CurvePoint, ImageLoss, JobRecord, LossSample, Memory, Metrics, ModelSize, PlanCounts,
-    SceneRecord, Seconds, peak_host_bytes,
+    PoseChange, SceneRecord, Seconds, peak_host_bytes,
 };
 pub use stop::{Gentle, Stop};
 

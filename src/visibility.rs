@@ -201,15 +201,14 @@ impl DepthMap {
 
     fn sees(&self, p: DVec3, near: f64, tolerance: f64) -> bool {
         let camera = &self.camera;
-        let q = camera.rotation * p + camera.translation;
-        let u = (camera.fx * q.x / q.z + camera.cx).floor();
-        let v = (camera.fy * q.y / q.z + camera.cy).floor();
+        let (pixel, depth) = camera.project(p);
+        let [u, v] = pixel.floor().to_array();
         let (width, height) = (f64::from(camera.width), f64::from(camera.height));
         // Written so that NaN fails; then u and v fit an index.
-        if !(q.z > near && u >= 0.0 && v >= 0.0 && u < width && v < height) {
+        if !(depth > near && u >= 0.0 && v >= 0.0 && u < width && v < height) {
             return false;
         }
         let nearest = self.depths[v as usize * camera.width as usize + u as usize];
-        q.z <= f64::from(nearest) * (1.0 + tolerance)
+        depth <= f64::from(nearest) * (1.0 + tolerance)
     }
 }

@@ -1,6 +1,6 @@
 //! The built-in scene: determinism, exact geometry, and each imperfection on its own.
 
-use glam::DVec3;
+use glam::DVec2;
 use gspotential::camera::Camera;
 use gspotential::scene::builtin::{
     self, BuiltinOptions, CENTER, Hit, Imperfections, Traced, is_depth_edge, point_cloud,
@@ -65,7 +65,7 @@ impl Truth {
             .iter()
             .zip(&cloud.positions)
             .map(|(pixel, &p)| {
-                let (u, v, z) = project(&self.cameras[pixel.view], p);
+                let (DVec2 { x: u, y: v }, z) = self.cameras[pixel.view].project(p);
                 assert!((u - f64::from(pixel.x) - 0.5).abs() < 1e-9, "off its ray");
                 assert!((v - f64::from(pixel.y) - 0.5).abs() < 1e-9, "off its ray");
                 z / pixel.depth
@@ -85,15 +85,6 @@ impl Truth {
         assert_eq!(left.count(), 0, "a point is not where its pixel was");
         kept
     }
-}
-
-fn project(camera: &Camera, p: DVec3) -> (f64, f64, f64) {
-    let q = camera.rotation * p + camera.translation;
-    (
-        camera.fx * q.x / q.z + camera.cx,
-        camera.fy * q.y / q.z + camera.cy,
-        q.z,
-    )
 }
 
 fn share(of: impl Iterator<Item = bool>) -> f64 {
@@ -247,7 +238,7 @@ fn builtin_points_are_at_or_behind_what_another_view_sees_there() {
     let (mut n_seen, mut n_hidden) = (0, 0);
     for (pixel, &p) in truth.pixels.iter().zip(&cloud.positions).step_by(7) {
         let other = &truth.cameras[(pixel.view + 1) % 4];
-        let (u, v, z) = project(other, p);
+        let (DVec2 { x: u, y: v }, z) = other.project(p);
         if z <= 0.0 || u < 0.0 || v < 0.0 || u >= 96.0 || v >= 64.0 {
             continue;
         }

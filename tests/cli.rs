@@ -280,6 +280,7 @@ fn metrics(pose_protocol: PoseProtocol) -> Metrics {
         memory: Memory::default(),
         loss: Vec::new(),
         model_size: Vec::new(),
+        refined_poses: Vec::new(),
         curve: Vec::new(),
     }
 }

@@ -88,6 +88,7 @@ impl Made {
             memory: Memory::default(),
             loss: Vec::new(),
             model_size: Vec::new(),
+            refined_poses: Vec::new(),
             curve: Vec::new(),
         }
     }

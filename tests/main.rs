@@ -25,6 +25,7 @@ mod metrics;
 mod page;
 mod plot;
 mod policy;
+mod poses;
 mod profile;
 mod reference;
 mod report;

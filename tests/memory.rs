@@ -35,7 +35,8 @@ fn config(preset: &str, sh_degree: u32) -> Config {
 fn buffers_take_what_was_predicted_to_the_byte() {
     let _alone = context();
     for (preset, sh_degree) in [("paper", 3), ("paper", 2), ("3dgs", 1), ("3dgs", 0)] {
-        let config = config(preset, sh_degree);
+        let mut config = config(preset, sh_degree);
+        config.poses.refine = sh_degree == 2;
         let (scene, prepared) = prepared(&config);
         let gpu = Gpu::open().expect("an adapter");
         let kernels = Kernels::new(&gpu);

@@ -241,6 +241,7 @@ fn metrics_read_back_and_keep_what_may_vary_apart() {
             n_gaussians: 3,
             plan: None,
         }],
+        refined_poses: Vec::new(),
         curve: vec![CurvePoint {
             iteration: 5,
             n_gaussians: 3,

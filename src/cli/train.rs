@@ -65,6 +65,10 @@ pub struct TrainArgs {
     #[arg(long, value_name = "N")]
     max_points: Option<usize>,
 
+    /// Refine the poses of the training cameras with the Gaussians; cameras.json has them then
+    #[arg(long)]
+    refine_poses: bool,
+
     /// Seed of every random choice [preset: 0]
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
@@ -99,7 +103,8 @@ pub struct TrainArgs {
     /// may be said again
     #[arg(long, value_name = "RUN", conflicts_with_all = [
         "scene", "out", "preset", "config", "settings", "iterations", "max_size", "max_points",
-        "seed", "train_views", "test_views", "cloud", "eval_every", "overwrite", "dry_run",
+        "seed", "refine_poses", "train_views", "test_views", "cloud", "eval_every", "overwrite",
+        "dry_run",
     ])]
     resume: Option<PathBuf>,
 
@@ -178,6 +183,7 @@ impl TrainArgs {
         config.seed = self.seed.unwrap_or(config.seed);
         config.scene.max_size_px = self.max_size.or(config.scene.max_size_px);
         config.scene.max_points = self.max_points.or(config.scene.max_points);
+        config.poses.refine |= self.refine_poses;
         config.validate()?;
         Ok(config)
     }

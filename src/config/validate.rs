@@ -89,6 +89,11 @@ impl Config {
         within("loss.ssim_weight", loss.ssim_weight, 0.0..=1.0)?;
         not_negative("loss.virtual_weight", loss.virtual_weight)?;
         within("loss.fill_weight", loss.fill_weight, 0.0..=1.0)?;
+        self.validate_dropout()?;
+        self.validate_poses()
+    }
+
+    fn validate_dropout(&self) -> Result<()> {
         let rate = self.dropout.rate_end;
         ensure(
             (0.0..1.0).contains(&rate),
@@ -96,6 +101,14 @@ impl Config {
             rate,
             "at least 0 and below 1",
         )
+    }
+
+    fn validate_poses(&self) -> Result<()> {
+        let poses = &self.poses;
+        within("poses.turn_lr", poses.turn_lr, 0.0..=0.1)?;
+        within("poses.shift_lr", poses.shift_lr, 0.0..=0.1)?;
+        // The decay is exponential, so it cannot end at 0.
+        within("poses.rate_left", poses.rate_left, 1e-6..=1.0)
     }
 
     fn validate_visibility(&self) -> Result<()> {

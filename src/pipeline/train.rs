@@ -18,8 +18,8 @@ use crate::progress::Progress;
 use crate::render::{Kernels, Renderer, most_gaussians};
 use crate::report::{ContactSheet, mask_image, write_png, write_run_page};
 use crate::run::{
-    Evaluation, JobRecord, Memory, Metrics, ModelSize, RunDir, RunProfile, SceneRecord, Seconds,
-    StepProfile, Stop, peak_host_bytes,
+    Evaluation, JobRecord, Memory, Metrics, ModelSize, PoseChange, RunDir, RunProfile, SceneRecord,
+    Seconds, StepProfile, Stop, peak_host_bytes,
 };
 use crate::scene::{Image, PointCloud, Scene, View};
 use crate::train::{PlanRecord, Trained, Trainer, TrainingView};
@@ -80,7 +80,8 @@ pub fn train(
     let forecast = Forecast::new(gpu, scene, &task.prepared, &task.config);
     log::info!("memory, predicted\n{}", forecast.tables());
     write_virtual_sheet(run, &supervision.virtual_views)?;
-    write_cameras(&run.cameras(), &all_cameras(scene, virtual_cameras))?;
+    let train = cameras(&scene.train);
+    write_cameras(&run.cameras(), &all_cameras(scene, train, virtual_cameras))?;
     files_s += clock.lap();
     seconds.files = Some(files_s);
     match task.attempt(gpu, &mut clock, seconds) {
@@ -128,12 +129,14 @@ impl Task<'_> {
         let (trained, log, step) = self.train(gpu, &kernels, clock, &mut seconds)?;
         let Trained {
             gaussians,
+            cameras,
             samples,
             plans,
         } = trained;
         write_ply(&run.point_cloud(), &gaussians, &prepared.frame)?;
         // What is measured is what was written.
         drop(gaussians);
+        let refined_poses = self.write_refined(&cameras)?;
         clock.lap();
         let (config, frame) = (&job.config, &prepared.frame);
         let device = (gpu, &kernels);
@@ -172,6 +175,7 @@ impl Task<'_> {
             },
             loss: samples,
             model_size: model_sizes(prepared.start.len(), &plans),
+            refined_poses,
             curve,
         })?;
         clock.lap();
@@ -187,6 +191,36 @@ impl Task<'_> {
         // Nothing is left to resume.
         run.checkpoints().clear()?;
         Ok(evaluation)
+    }
+
+    /// Writes the training cameras of the canonical frame in place of those that the scene came
+    /// with, and says how far they are from them; leaves all as it is where they were held.
+    fn write_refined(&self, cameras: &[Camera]) -> Result<Vec<PoseChange>> {
+        if !self.job.config.poses.refine {
+            return Ok(Vec::new());
+        }
+        let frame = &self.prepared.frame;
+        let world = cameras.iter().map(|c| frame.camera_to_world(c));
+        let all = all_cameras(self.scene, world.collect(), &self.prepared.virtual_cameras);
+        write_cameras(&self.run.cameras(), &all)?;
+        let before = &self.prepared.supervision.real;
+        let change = |(after, before): (&Camera, &TrainingView)| {
+            let (turn, shift) = after.difference(&before.camera);
+            PoseChange {
+                view: after.name.clone(),
+                turn_deg: turn.to_degrees(),
+                shift,
+            }
+        };
+        let changes: Vec<PoseChange> = cameras.iter().zip(before).map(change).collect();
+        let mean =
+            |of: fn(&PoseChange) -> f64| changes.iter().map(of).sum::<f64>() / changes.len() as f64;
+        log::info!(
+            "poses refined: turned by {:.2} degrees and shifted by {:.2} % of R in the mean",
+            mean(|c| c.turn_deg),
+            100.0 * mean(|c| c.shift)
+        );
+        Ok(changes)
     }
 
     /// All iterations that are left; adds the parts' times to `seconds`.
@@ -257,8 +291,7 @@ impl Task<'_> {
 }
 
 /// Training, test and virtual cameras; a test view that is a training view once.
-fn all_cameras(scene: &Scene, virtual_cameras: &[Camera]) -> Vec<Camera> {
-    let train = cameras(&scene.train);
+fn all_cameras(scene: &Scene, train: Vec<Camera>, virtual_cameras: &[Camera]) -> Vec<Camera> {
     let is_new = |camera: &Camera| train.iter().all(|other| other.name != camera.name);
     let mut test = cameras(&scene.test);
     test.retain(is_new);

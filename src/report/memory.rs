@@ -12,6 +12,7 @@ pub fn gpu_memory_table(bytes: &TrainingBytes) -> Table {
         moments,
         statistics,
         workspace,
+        poses,
         reading,
         densifying,
     } = *bytes;
@@ -33,6 +34,9 @@ pub fn gpu_memory_table(bytes: &TrainingBytes) -> Table {
     row("render", &pixels, workspace.image);
     row("loss and its gradient", &pixels, workspace.loss);
     row("goals of a step's two views", &pixels, workspace.goals);
+    if poses > 0 {
+        row("gradients of poses", &gaussians, poses);
+    }
     row("uniforms", "", workspace.uniforms);
     if densifying > reading {
         row(

@@ -20,9 +20,21 @@ pub struct Metrics {
     pub memory: Memory,
     pub loss: Vec<LossSample>,
     pub model_size: Vec<ModelSize>,
+    /// How far each training camera's pose was moved; empty where they were held.
+    #[serde(default)]
+    pub refined_poses: Vec<PoseChange>,
     /// Errors at the test views on the way, the last those of `eval.json`; empty unless asked for.
     #[serde(default)]
     pub curve: Vec<CurvePoint>,
+}
+
+/// What refinement made of a training camera's pose.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PoseChange {
+    pub view: String,
+    pub turn_deg: f64,
+    /// Of the optical centre, in shares of the sphere's radius.
+    pub shift: f64,
 }
 
 /// Mean errors over the test views after some iterations.

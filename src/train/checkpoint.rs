@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::optimizer::Optimizer;
+use super::refine::RefinedPose;
 use super::supervision::{Supervision, TrainingView};
 use super::trainer::{PlanRecord, Trainer};
 use crate::error::{Error, Result};
@@ -28,6 +29,8 @@ pub struct State {
     pub sh_degree: u32,
     pub samples: Vec<LossSample>,
     pub plans: Vec<PlanRecord>,
+    /// Of the training cameras, where they are refined.
+    pub poses: Option<Vec<RefinedPose>>,
 }
 
 impl State {
@@ -50,6 +53,7 @@ impl Trainer<'_> {
             sh_degree: model.sh_degree,
             samples: self.samples.clone(),
             plans: self.plans.clone(),
+            poses: self.poses().cloned(),
         }
     }
 
@@ -71,7 +75,8 @@ impl Trainer<'_> {
     pub fn restore(&mut self, state: State, buffers: &[u8]) -> Result<()> {
         let fits = state.n_gaussians <= state.stride
             && state.stride <= most_gaussians(self.gpu, state.sh_degree)
-            && state.sh_degree == self.optimizer.model.sh_degree;
+            && state.sh_degree == self.optimizer.model.sh_degree
+            && state.poses.as_ref().map(Vec::len) == self.poses().map(Vec::len);
         let lens = if fits {
             state.buffer_lens()
         } else {
@@ -102,6 +107,9 @@ impl Trainer<'_> {
         self.done = state.done;
         self.samples = state.samples;
         self.plans = state.plans;
+        if let Some(poses) = state.poses {
+            self.set_poses(poses);
+        }
         self.fit_model()
     }
 }

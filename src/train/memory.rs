@@ -5,7 +5,8 @@ use super::supervision::{Supervision, TrainingView};
 use crate::config::Config;
 use crate::gpu::Gpu;
 use crate::render::{
-    Capacity, ViewUniform, WorkspaceBytes, block_bytes, first_pairs, model_bytes, most_gaussians,
+    Capacity, PoseGradient, ViewUniform, WorkspaceBytes, block_bytes, first_pairs, model_bytes,
+    most_gaussians,
 };
 
 /// Bytes of GPU buffers that training holds at one time, to the byte.
@@ -20,6 +21,8 @@ pub struct TrainingBytes {
     pub moments: u64,
     pub statistics: u64,
     pub workspace: WorkspaceBytes,
+    /// Gradients of poses, where they are refined.
+    pub poses: u64,
     /// The largest block that the host reads.
     pub reading: u64,
     /// What densifying holds beside the old set.
@@ -35,7 +38,7 @@ impl TrainingBytes {
         config: &Config,
     ) -> TrainingBytes {
         let capacity = start_capacity(gpu, n, supervision, config);
-        Self::with(capacity, n, config.model.sh_degree)
+        Self::with(capacity, n, config)
     }
 
     /// The same while it densifies to `config.densify.max_gaussians`; `None` where nothing grows.
@@ -59,11 +62,12 @@ impl TrainingBytes {
         Some(TrainingBytes {
             n_gaussians: most,
             densifying: model_bytes(stride, degree) + plan_bytes(most),
-            ..Self::with(capacity, most, degree)
+            ..Self::with(capacity, most, config)
         })
     }
 
-    fn with(capacity: Capacity, n_gaussians: usize, sh_degree: u32) -> TrainingBytes {
+    fn with(capacity: Capacity, n_gaussians: usize, config: &Config) -> TrainingBytes {
+        let sh_degree = config.model.sh_degree;
         let model = model_bytes(capacity.stride, sh_degree);
         TrainingBytes {
             n_gaussians,
@@ -72,6 +76,10 @@ impl TrainingBytes {
             moments: 2 * model,
             statistics: statistics_bytes(capacity.stride),
             workspace: WorkspaceBytes::of(capacity),
+            poses: match config.poses.refine {
+                true => PoseGradient::bytes(capacity.stride),
+                false => 0,
+            },
             reading: block_bytes(capacity.stride, sh_degree),
             densifying: 0,
         }
@@ -91,7 +99,7 @@ impl TrainingBytes {
 
     /// What is held between two iterations.
     pub fn held(&self) -> u64 {
-        self.model + self.moments + self.statistics + self.workspace.total()
+        self.model + self.moments + self.statistics + self.workspace.total() + self.poses
     }
 
     /// What is held at the worst moment.

@@ -7,8 +7,10 @@ use serde::{Deserialize, Serialize};
 use super::memory::{start_capacity, uniform};
 use super::optimizer::{Optimizer, OptimizerKernels, StepUniform};
 use super::policy::{self, Surroundings};
+use super::refine::Refinement;
 use super::schedule::{self, ViewOrder};
 use super::supervision::{Supervision, TrainingView};
+use crate::camera::Camera;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
@@ -96,6 +98,8 @@ pub struct PlanRecord {
 pub struct Trained {
     /// Canonical frame.
     pub gaussians: Gaussians,
+    /// The training cameras, refined where the config asks for it; canonical frame.
+    pub cameras: Vec<Camera>,
     pub samples: Vec<LossSample>,
     pub plans: Vec<PlanRecord>,
 }
@@ -129,16 +133,17 @@ pub struct Trainer<'a> {
     pub(super) gpu: &'a Gpu,
     kernels: &'a Kernels,
     optimizer_kernels: OptimizerKernels,
-    supervision: &'a Supervision,
-    config: &'a Config,
-    real: Vec<ViewUniform>,
+    pub(super) supervision: &'a Supervision,
+    pub(super) config: &'a Config,
+    pub(super) real: Vec<ViewUniform>,
     virtual_views: Vec<ViewUniform>,
     real_order: ViewOrder,
     virtual_order: ViewOrder,
     pub(super) optimizer: Optimizer,
-    workspace: Workspace,
+    pub(super) workspace: Workspace,
     bound: Bound,
     adam: Vec<Vec<wgpu::BindGroup>>,
+    pub(super) refinement: Option<Refinement>,
     /// A view's, unpacked.
     goal: Vec<u32>,
     /// Number of finished iterations, where the run starts or has last been kept.
@@ -177,6 +182,8 @@ impl<'a> Trainer<'a> {
         let workspace = Workspace::new(gpu, capacity, true)?;
         let bound = Bound::new(gpu, kernels, &workspace, &optimizer.model);
         let adam = optimizer.bind(gpu, &optimizer_kernels, &workspace);
+        let refine = || Refinement::new(gpu, &workspace, &optimizer.model, &supervision.real);
+        let refinement = config.poses.refine.then(refine).transpose()?;
         Ok(Trainer {
             gpu,
             kernels,
@@ -191,6 +198,7 @@ impl<'a> Trainer<'a> {
             workspace,
             bound,
             adam,
+            refinement,
             goal: Vec::new(),
             done: 0,
             samples: Vec::new(),
@@ -235,6 +243,7 @@ impl<'a> Trainer<'a> {
             let times = observer.times(done + 1);
             let profile = if times { observer.profile() } else { None };
             let views = self.step(done, profile);
+            self.refine(done, views.0)?;
             done += 1;
             let changes = schedule::densifies(config, done)
                 || schedule::prunes_by_coverage(config, done)
@@ -272,6 +281,7 @@ impl<'a> Trainer<'a> {
         self.gpu.wait()?;
         Ok(Trained {
             gaussians: self.optimizer.model.download(self.gpu)?,
+            cameras: self.cameras(),
             samples: std::mem::take(&mut self.samples),
             plans: std::mem::take(&mut self.plans),
         })
@@ -314,6 +324,11 @@ impl<'a> Trainer<'a> {
             pass.forward(&mut commands);
             pass.loss(&mut commands, loss);
             pass.backward(&mut commands);
+            if let (0, Some(refinement)) = (slot, &self.refinement)
+                && let Some(gradient) = &refinement.gradient
+            {
+                pass.pose_backward(&mut commands, &refinement.kernels, gradient);
+            }
             let [x, y, z, _] = uniform.center_near;
             centers.push([x, y, z]);
         }
@@ -415,8 +430,7 @@ impl<'a> Trainer<'a> {
         if self.optimizer.model.stride > self.workspace.capacity.stride {
             return self.grow(0);
         }
-        self.rebind();
-        Ok(())
+        self.rebind()
     }
 
     /// Makes room for the model and for half as many pairs again as `pairs`.
@@ -437,17 +451,19 @@ impl<'a> Trainer<'a> {
         self.workspace = Workspace::new(self.gpu, Capacity::default(), true)?;
         self.gpu.wait()?;
         self.workspace = Workspace::new(self.gpu, capacity, true)?;
-        self.rebind();
-        Ok(())
+        self.rebind()
     }
 
     /// Drops the bind groups, which keep their buffers' memory.
     pub(super) fn unbind(&mut self) {
         self.bound = Bound::default();
         self.adam.clear();
+        if let Some(refinement) = &mut self.refinement {
+            refinement.gradient = None;
+        }
     }
 
-    fn rebind(&mut self) {
+    fn rebind(&mut self) -> Result<()> {
         self.bound = Bound::new(
             self.gpu,
             self.kernels,
@@ -457,5 +473,9 @@ impl<'a> Trainer<'a> {
         self.adam = self
             .optimizer
             .bind(self.gpu, &self.optimizer_kernels, &self.workspace);
+        if let Some(refinement) = &mut self.refinement {
+            refinement.rebind(self.gpu, &self.workspace, &self.optimizer.model)?;
+        }
+        Ok(())
     }
 }

@@ -140,6 +140,7 @@ fn metrics(name: &str) -> Metrics {
             n_gaussians: 1,
             plan: None,
         }],
+        refined_poses: Vec::new(),
         curve: vec![curve(10, 11.0), curve(20, 12.34)],
     }
 }

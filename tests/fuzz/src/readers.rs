@@ -317,6 +317,7 @@ fn checkpoint_file() -> Folder {
         sh_degree: 0,
         samples: Vec::new(),
         plans: Vec::new(),
+        poses: None,
     };
     Checkpoints::new(folder.path().to_owned())
         .save(7, &state, std::iter::once(Ok(vec![1, 2, 3, 4])))

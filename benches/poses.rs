@@ -1,0 +1,132 @@
+//! What refining poses gives back: a scene's training cameras are put off by a known motion, trained
+//! with and without refinement, and held against the true ones.
+//!
+//! `cargo bench --bench poses -- [--scene DIR|builtin:WIDTH] [--max-size PX] [--turn DEG]
+//! [--shift SHARE] [--set KEY=VALUE]...`
+//!
+//! Cloud and test views keep the scene's own poses, so that errors need no alignment.
+
+use clap::Parser;
+use gspotential::camera::{Camera, Frame};
+use gspotential::config::Config;
+use gspotential::error::Result;
+use gspotential::eval::{EvalOptions, PoseErrors, render_views, score};
+use gspotential::field::Focus;
+use gspotential::gpu::Gpu;
+use gspotential::pipeline::{load_scene, prepare};
+use gspotential::render::Kernels;
+use gspotential::run::Seconds;
+use gspotential::scene::{LoadOptions, Scene, SceneSource};
+use gspotential::train::train;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, UnitSphere};
+
+#[derive(Parser)]
+struct Args {
+    #[arg(long, default_value = "builtin")]
+    scene: SceneSource,
+    #[arg(long, default_value_t = 160)]
+    max_size: u32,
+    #[arg(long, default_value = "paper")]
+    preset: String,
+    /// Turn of every training camera about its centre, degrees
+    #[arg(long, default_value_t = 1.0)]
+    turn: f64,
+    /// Shift of its centre, as a share of the sphere's radius
+    #[arg(long, default_value_t = 0.01)]
+    shift: f64,
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    settings: Vec<String>,
+    /// What cargo passes to every bench
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn main() -> Result<()> {
+    let args = Args::parse();
+    let mut config = Config::preset(&args.preset)?;
+    config.scene.max_size_px = Some(args.max_size);
+    for setting in &args.settings {
+        config = config.set(setting)?;
+    }
+    config.validate()?;
+    let scene = load_scene(
+        &args.scene.clone().resolved()?.at_most(args.max_size),
+        &LoadOptions::new(&config),
+    )?;
+    let truth: Vec<Camera> = scene.train.iter().map(|v| v.camera.clone()).collect();
+    let frame = Focus::find(&truth, &scene.cloud)?.frame();
+    let off = put_off(&scene, &frame, &args, config.seed);
+    println!("| poses | refined | turn, degrees | shift, % of R | pixels | PSNR | SSIM |");
+    println!("|---|---|---:|---:|---:|---:|---:|");
+    let all = [
+        ("true", &scene, false),
+        ("off", &off, false),
+        ("true", &scene, true),
+        ("off", &off, true),
+    ];
+    for (poses, scene, refine) in all {
+        config.poses.refine = refine;
+        let row = trained(scene, &config, (&truth, &frame))?;
+        println!(
+            "| {poses} | {} | {row} |",
+            if refine { "yes" } else { "no" }
+        );
+    }
+    Ok(())
+}
+
+/// The scene with every training camera turned and shifted into directions drawn from the seed.
+fn put_off(scene: &Scene, frame: &Frame, args: &Args, seed: u64) -> Scene {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut draw = |length: f64| -> [f64; 3] {
+        let direction: [f64; 3] = UnitSphere.sample(&mut rng);
+        direction.map(|x| x * length)
+    };
+    let mut scene = scene.clone();
+    for view in &mut scene.train {
+        let [a, b, c] = draw(args.turn.to_radians());
+        let [x, y, z] = draw(args.shift * frame.radius);
+        view.camera = view.camera.moved([a, b, c, x, y, z]);
+    }
+    scene
+}
+
+/// Trains and returns cells of the table.
+fn trained(scene: &Scene, config: &Config, (truth, frame): (&[Camera], &Frame)) -> Result<String> {
+    let prepared = prepare(scene, config, &mut Seconds::default())?;
+    let gpu = Gpu::open()?;
+    let kernels = Kernels::new(&gpu);
+    let (start, supervision) = (&prepared.start, &prepared.supervision);
+    let trained = train(&gpu, &kernels, start, supervision, config, &mut ())?;
+    let to_world = |camera: &Camera| prepared.frame.camera_to_world(camera);
+    let cameras: Vec<Camera> = trained.cameras.iter().map(to_world).collect();
+    let errors = PoseErrors::of(&cameras, truth, &scene.cloud, frame);
+    let (mut psnr, mut ssim) = (0.0, 0.0);
+    let device = (&gpu, &kernels);
+    let options = EvalOptions::default();
+    let frame = &prepared.frame;
+    render_views(
+        device,
+        &trained.gaussians,
+        frame,
+        &scene.test,
+        &config.model,
+        |view, rendered| {
+            let score = score(rendered, view, &options)?;
+            psnr += score.psnr.unwrap_or(f64::NAN);
+            ssim += score.ssim.unwrap_or(f64::NAN);
+            Ok(())
+        },
+    )?;
+    let n = scene.test.len() as f64;
+    Ok(format!(
+        "{:.2} | {:.2} | {:.2} | {:.2} | {:.3}",
+        errors.turn_deg,
+        100.0 * errors.shift,
+        errors.pixels,
+        psnr / n,
+        ssim / n
+    ))
+}
