@@ -80,7 +80,7 @@ fn growing_holds_the_old_and_the_new_together_nowhere() {
     let most = said.gpu_at_most.expect("it grows");
     let (start, supervision) = (&prepared.start, &prepared.supervision);
     let mut trainer = Trainer::new(&gpu, &kernels, start, supervision, &config).expect("fits");
-    trainer.reserve_pairs(2 * said.gpu.n_pairs).expect("fits");
+    trainer.reserve_pairs(said.gpu.n_pairs).expect("fits");
     let trained = trainer.run(&mut ()).expect("trains");
     let n = trained.gaussians.len();
     assert!(n > 2 * start.len(), "{n} Gaussians");

@@ -3,11 +3,13 @@
 
 use gspotential::doctor::view::timed_case;
 use gspotential::doctor::{Context, Rig};
-use gspotential::error::{Error, Result};
+use gspotential::error::Result;
 use gspotential::gaussians::Gaussians;
 use gspotential::gpu::constants::{TILE_H, TILE_W};
 use gspotential::gpu::{Commands, Gpu, Profile, shader};
-use gspotential::render::ViewUniform;
+use gspotential::render::{LossUniform, Pass, ViewUniform};
+
+use super::clock::of_gpu;
 
 /// Additions and multiplications of one evaluation, as `rasterize.wgsl` and `shared/tile.wgsl` write
 /// them a pixel: 2 of `t_x`, 2 of the exponent, 13 of `2^x`, 1 of alpha, 2 of the transmittance, 1
@@ -18,11 +20,50 @@ pub const OPERATIONS: f64 = 28.0;
 /// The rasterizer that counts.
 pub struct Counting(Context);
 
+/// The rasterizer among the stages.
+pub const RASTERIZE: &str = "rasterize";
+
+/// A stage and how it is recorded.
+type Stage = (&'static str, fn(&Pass<'_>, &mut Commands<'_>));
+
+const N_STAGES: usize = 10;
+
+/// The stages of a view in an order in which each finds what it needs, but for the loss gradient,
+/// which is 0.
+const STAGES: [Stage; N_STAGES] = [
+    ("project", |pass, commands| pass.project(commands)),
+    ("depth keys and their sort", |pass, commands| {
+        pass.depth_keys(commands);
+        pass.sort_by_depth(commands);
+    }),
+    ("counting pairs", |pass, commands| {
+        pass.count_pairs(commands);
+        pass.scan_pairs(commands);
+    }),
+    ("emitting pairs", |pass, commands| pass.emit_pairs(commands)),
+    ("sort by tile", |pass, commands| pass.sort_by_tile(commands)),
+    ("tile ranges", |pass, commands| {
+        pass.find_tile_ranges(commands)
+    }),
+    (RASTERIZE, |pass, commands| pass.rasterize(commands)),
+    ("loss and its gradient", |pass, commands| {
+        pass.loss(commands, LossUniform::new(0.0, 0.2, 1.0, false));
+    }),
+    ("rasterize backward", |pass, commands| {
+        pass.rasterize_backward(commands);
+    }),
+    ("project backward", |pass, commands| {
+        pass.project_backward(commands)
+    }),
+];
+
 /// One view.
 pub struct Counted {
     pub evaluations: f64,
-    /// Of the rasterizer as it is.
-    pub seconds: f64,
+    /// (tile, Gaussian) pairs that its tiles list.
+    pub pairs: f64,
+    /// Seconds of the stages as they are.
+    pub stages: [(&'static str, f64); N_STAGES],
 }
 
 impl Counting {
@@ -37,10 +78,10 @@ impl Counting {
         Ok(counting)
     }
 
-    /// Counts and times the rasterizer over `gaussians` in `view`.
+    /// Counts what the rasterizer evaluates over `gaussians` in `view`, and times all stages.
     ///
     /// # Errors
-    /// A GPU fault, or an adapter without timestamps.
+    /// A GPU fault.
     pub fn measure(
         &self,
         plain: &Context,
@@ -52,22 +93,25 @@ impl Counting {
         let mut counting = Rig::new(&self.0, gaussians, view, degree)?;
         counting.forward(&self.0)?;
         let walked: Vec<u32> = counting.read(&self.0, "last_blended", 4 * view.plane_len())?;
+        let ranges: Vec<[u32; 2]> = counting.read(&self.0, "tile_ranges", view.n_tiles())?;
         drop(counting);
         let mut rig = Rig::new(plain, gaussians, view, degree)?;
         rig.forward(plain)?;
-        let mut profile = Profile::new(&plain.gpu).ok_or_else(|| Error::new("no timestamps"))?;
-        let mut seconds = f64::INFINITY;
+        let mut profile = Profile::new(&plain.gpu);
+        let mut stages = STAGES.map(|(stage, _)| (stage, f64::INFINITY));
         for _ in 0..rounds.max(1) {
-            let pass = rig.pass(plain);
-            let mut commands = Commands::profiled(&plain.gpu, Some(&mut profile));
-            pass.rasterize(&mut commands);
-            commands.submit();
-            let taken = profile.take(&plain.gpu)?.values().map(|k| k.seconds).sum();
-            seconds = seconds.min(taken);
+            for ((_, least), (_, record)) in stages.iter_mut().zip(STAGES) {
+                let pass = rig.pass(plain);
+                let seconds = of_gpu(&plain.gpu, &mut profile, |commands| {
+                    record(&pass, commands);
+                })?;
+                *least = least.min(seconds);
+            }
         }
         Ok(Counted {
+            pairs: ranges.iter().map(|r| f64::from(r[1] - r[0])).sum(),
+            stages,
             evaluations: walked.iter().map(|n| f64::from(*n)).sum(),
-            seconds,
         })
     }
 

@@ -1,7 +1,5 @@
 //! What the CPU does before training, against virtual views and points.
 
-use std::time::Instant;
-
 use gspotential::config::Config;
 use gspotential::error::{Error, Result, write_file};
 use gspotential::gaussians::Gaussians;
@@ -10,6 +8,7 @@ use gspotential::run::{Seconds, peak_host_bytes};
 use gspotential::scene::read_cloud;
 use gspotential::splat::splat_views;
 
+use super::clock::of_cpu;
 use super::{Args, Figure, POINTS, VIEWS, cloud, sizes};
 
 const WIDTH: u32 = 320;
@@ -36,19 +35,18 @@ pub fn views(args: &Args, figures: &mut Vec<Figure>) -> Result<()> {
     {
         config.views.count = n;
         forget_peak();
-        let mut best: Option<f64> = None;
-        let mut goals = 0;
+        let mut least = f64::INFINITY;
         for _ in 0..args.rounds.max(1) {
-            let mut seconds = Seconds::default();
-            let Prepared { supervision, .. } = prepare(&scene, &config, &mut seconds)?;
-            let splat = seconds.splat.unwrap_or(f64::INFINITY);
-            best = Some(best.map_or(splat, |least| least.min(splat)));
-            goals = supervision
-                .virtual_views
-                .iter()
-                .map(|view| view.goal.bytes())
-                .sum();
+            // Of the whole preparation, of which it is nearly all.
+            let seconds = of_cpu(|| prepare(&scene, &config, &mut Seconds::default()))?;
+            least = least.min(seconds);
         }
+        let Prepared { supervision, .. } = prepare(&scene, &config, &mut Seconds::default())?;
+        let goals = supervision
+            .virtual_views
+            .iter()
+            .map(|view| view.goal.bytes());
+        let goals: usize = goals.sum();
         let mut figure = |what: &str, unit, value| {
             figures.push(Figure {
                 sweep: VIEWS,
@@ -58,7 +56,7 @@ pub fn views(args: &Args, figures: &mut Vec<Figure>) -> Result<()> {
                 value,
             });
         };
-        figure("splatting", "s", best.unwrap_or(f64::NAN));
+        figure("splatting", "s", least);
         figure("their goals", "B", goals as f64);
         if let Some(bytes) = peak_host_bytes() {
             figure("host peak", "B", bytes as f64);
@@ -86,23 +84,16 @@ pub fn points(args: &Args, figures: &mut Vec<Figure>) -> Result<()> {
         forget_peak();
         let mut least = [f64::INFINITY; 3];
         for _ in 0..args.rounds.clamp(1, 3) {
-            let clock = Instant::now();
-            let read = read_cloud(&file)?;
-            least[0] = least[0].min(clock.elapsed().as_secs_f64());
-            assert_eq!(read.len(), n, "points are lost");
-            let clock = Instant::now();
-            let start = Gaussians::from_cloud(&points, &frame, &config.model)?;
-            least[1] = least[1].min(clock.elapsed().as_secs_f64());
-            assert_eq!(start.len(), n, "Gaussians are lost");
-            let clock = Instant::now();
-            splat_views(
-                &points,
-                &frame,
-                &virtual_cameras,
-                &config.splat,
-                config.model.near,
-            )?;
-            least[2] = least[2].min(clock.elapsed().as_secs_f64());
+            let load = of_cpu(|| {
+                assert_eq!(read_cloud(&file)?.len(), n, "points are lost");
+                Ok(())
+            })?;
+            let start = of_cpu(|| Gaussians::from_cloud(&points, &frame, &config.model))?;
+            let (config, near) = (&config.splat, config.model.near);
+            let splat = of_cpu(|| splat_views(&points, &frame, &virtual_cameras, config, near))?;
+            for (least, seconds) in least.iter_mut().zip([load, start, splat]) {
+                *least = least.min(seconds);
+            }
         }
         eprintln!("  {n} points");
         let mut figure = |what: &str, unit, value| {

@@ -5,9 +5,11 @@
 //! [--most-points N] [--rounds N]`
 //!
 //! First the tools are checked: the fit, the counting rasterizer, the kernel that measures the peak.
-//! Each time is the fastest of several rounds. Sizes take turns nowhere, so that on a shared machine
-//! single points may be off; a fit over a decade and more hardly is.
+//! Each time is the least of several rounds: on a software adapter and on the host CPU time, which
+//! what else a shared machine does hardly changes, otherwise by timestamps.
 
+#[path = "../tradeoff/clock.rs"]
+mod clock;
 mod cloud;
 mod count;
 mod fit;

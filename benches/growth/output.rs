@@ -6,7 +6,8 @@ use gspotential::error::{Error, Result, create_dir, write_file};
 use gspotential::report::Table;
 use gspotential::report::plot::{Axis, Plot, Point, Style};
 
-use super::count::OPERATIONS;
+use super::clock;
+use super::count::{OPERATIONS, RASTERIZE};
 use super::fit::exponent;
 use super::{Figure, GAUSSIANS, PIXELS, POINTS, VIEWS};
 
@@ -16,11 +17,11 @@ const DRAWN: [(&str, &str, &[&str]); 4] = [
         GAUSSIANS,
         "growth-gaussians.svg",
         &[
-            "all kernels",
-            "rasterize",
-            "rasterize_backward",
-            "project_backward",
-            "radix_move",
+            "a step of two views",
+            RASTERIZE,
+            "rasterize backward",
+            "project backward",
+            "sort by tile",
             "a checkpoint, written",
             "GPU buffers",
         ],
@@ -29,10 +30,10 @@ const DRAWN: [(&str, &str, &[&str]); 4] = [
         PIXELS,
         "growth-pixels.svg",
         &[
-            "all kernels",
-            "rasterize",
-            "rasterize_backward",
-            "ssim_vertical",
+            "a step of two views",
+            RASTERIZE,
+            "rasterize backward",
+            "loss and its gradient",
             "GPU buffers",
         ],
     ),
@@ -60,7 +61,17 @@ const DRAWN: [(&str, &str, &[&str]); 4] = [
 pub fn write(folder: &Path, adapter: &str, peak: f64, figures: &[Figure]) -> Result<()> {
     create_dir(folder)?;
     write_file(&folder.join("growth.csv"), &csv(figures)?)?;
-    let mut text = format!("# Growth\n\n{adapter}\n");
+    // Where the system does not tell, nothing is said.
+    let load = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    let load = load
+        .split_whitespace()
+        .take(3)
+        .collect::<Vec<_>>()
+        .join(", ");
+    let mut text = format!(
+        "# Growth\n\n{adapter}. Times are {}, on other adapters than software ones by timestamps. Load of the machine at the end, over 1, 5 and 15 minutes: {load}.\n",
+        clock::unit()
+    );
     for (sweep, file, _) in DRAWN {
         text += &format!(
             "\n## Against {sweep}\n\n![{sweep}]({file})\n\n{}",
@@ -68,7 +79,8 @@ pub fn write(folder: &Path, adapter: &str, peak: f64, figures: &[Figure]) -> Res
         );
     }
     text += &format!(
-        "\n## Evaluations\n\nPeak, measured by chains of multiplications and additions: {:.1} GFLOP/s. An \
+        "\n## Evaluations\n\nPeak, measured by chains of multiplications and additions without memory: {:.1} GFLOP/s, of one \
+         core where times are CPU time; so are the rates. An \
          evaluation of a Gaussian at a pixel takes {OPERATIONS} additions and multiplications.\n\n{}",
         peak / 1e9,
         evaluations(figures, peak)
@@ -149,7 +161,7 @@ fn evaluations(figures: &[Figure], peak: f64) -> Table {
     ]);
     for sweep in [GAUSSIANS, PIXELS] {
         let of = |what| series(figures, sweep, what);
-        let (counts, seconds) = (of("evaluations of a view"), of("rasterize, a view"));
+        let (counts, seconds) = (of("evaluations of a view"), of(RASTERIZE));
         let pairs = of("pairs of a view");
         for ((count, time), pairs) in counts.iter().zip(&seconds).zip(&pairs) {
             let rate = count.1 / time.1;
