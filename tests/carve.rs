@@ -380,7 +380,7 @@ fn a_run_starts_and_splats_from_the_carved_cloud() {
         p.supervision
             .virtual_views
             .iter()
-            .map(|v| v.goal.clone())
+            .map(|v| v.goal.texels())
             .collect()
     };
     assert_ne!(goals(&prepared), goals(&plain));

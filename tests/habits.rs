@@ -146,6 +146,8 @@ fn a_dry_run_writes_nothing() {
         "4 of 32x",
         "| virtual views",
         "5 iterations",
+        "| Adam's moments ",
+        "| goals of the virtual views ",
         " ms",
     ] {
         assert!(text.contains(part), "{part}: {text}");

@@ -20,6 +20,7 @@ mod geometry;
 mod gpu;
 mod habits;
 mod hard;
+mod memory;
 mod metrics;
 mod page;
 mod plot;

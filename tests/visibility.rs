@@ -391,12 +391,14 @@ fn masked_virtual_views_keep_the_pixels_whose_points_cameras_see() {
         let supports = seen.measure(cameras, &config.splat).unwrap();
         let mut total = 0;
         for (view, support) in prepared.supervision.virtual_views.iter().zip(supports) {
-            let n_set = view.goal.iter().filter(|texel| **texel != 0).count();
+            let mut texels = Vec::new();
+            view.goal.unpack(&mut texels);
+            let n_set = texels.iter().filter(|texel| **texel != 0).count();
             let share = match mask_angle_deg {
                 Some(_) => support.coverage * support.visible_share,
                 None => support.coverage,
             };
-            assert_eq!(n_set, (share * view.goal.len() as f64).round() as usize);
+            assert_eq!(n_set, (share * texels.len() as f64).round() as usize);
             assert_eq!(view.total_weight, n_set as f64);
             total += n_set;
         }

@@ -19,16 +19,17 @@ pub fn text(dry: &DryRun) -> String {
     row("Gaussians at the start", dry.n_gaussians.to_string());
     let most = dry.max_gaussians.map(|n| n.to_string());
     row("Gaussians at most", most.unwrap_or("the same".to_owned()));
-    row("GPU buffers at the start", mebibytes(dry.gpu_bytes));
+    row("GPU buffers so far", mebibytes(dry.gpu_bytes));
     let host = dry.host_bytes.map_or("n/a".to_owned(), mebibytes);
-    row("process at the start", host);
+    row("process so far", host);
     row("preparation", short_time(dry.prepare_s));
     row("an iteration", format!("{:.1} ms", 1e3 * dry.iteration_s));
     let all = f64::from(dry.n_iterations) * dry.iteration_s;
     let iterations = format!("{} iterations", dry.n_iterations);
     row(&iterations, short_time(all));
     format!(
-        "{table}\nTime and memory are as measured at the start: both grow with the Gaussians and with \
-         the degree of their colours.\n"
+        "{table}\nMeasured over the first iterations; time and memory grow with the Gaussians and with the \
+         degree of their colours.\n\nPredicted for training:\n\n{}",
+        dry.memory.tables()
     )
 }

@@ -9,7 +9,7 @@ use crate::gpu::{Commands, Gpu};
 use crate::progress::Progress;
 use crate::render::{
     Bound, Capacity, Kernels, LossUniform, Model, Pass, PoseGradient, PoseKernels, ViewUniform,
-    Workspace, read_totals,
+    Workspace, first_pairs, read_totals,
 };
 use crate::scene::View;
 use crate::train::{PoseAdam, TrainingView};
@@ -42,12 +42,13 @@ pub fn fit_poses(
         model: Model::upload(gpu, gaussians, gaussians.len())?,
         config,
         room: None,
+        goal: Vec::new(),
     };
     let mut progress = Progress::stage("pose fit", views.len() as u32);
     let mut cameras = Vec::with_capacity(views.len());
     for view in views {
         let camera = frame.camera_to_canonical(&view.camera);
-        let view = TrainingView::photograph(camera, view.image.texels());
+        let view = TrainingView::photograph(camera, &view.image.texels());
         let fitted = fit.fit(&view).map_err(|e| e.at(&view.camera.name))?;
         cameras.push(frame.camera_to_world(&fitted));
         progress.advance(cameras.len() as u32);
@@ -63,6 +64,8 @@ struct Fit<'a> {
     model: Model,
     config: &'a Config,
     room: Option<Room>,
+    /// Of the view that is being fitted, unpacked.
+    goal: Vec<u32>,
 }
 
 /// Buffers, and their bind groups.
@@ -75,6 +78,7 @@ struct Room {
 impl Fit<'_> {
     fn fit(&mut self, view: &TrainingView) -> Result<Camera> {
         let mut adam = PoseAdam::default();
+        view.goal.unpack(&mut self.goal);
         let mut camera = view.camera.clone();
         let mut best = (f64::INFINITY, camera.clone());
         for step in 0..=N_STEPS {
@@ -94,11 +98,11 @@ impl Fit<'_> {
         let uniform = ViewUniform::new(camera, model.near, model.background);
         let w = self.config.loss.ssim_weight;
         let loss = LossUniform::new(view.weight, w, view.total_weight, view.masked);
-        let n_pairs = 12 * self.model.n.max(1024);
+        let n_pairs = first_pairs(gpu, self.model.n);
         let mut needed = Capacity::new(self.model.stride, n_pairs, &[uniform]);
         loop {
             let room = self.room(needed)?;
-            room.workspace.set_goal(gpu, 0, &view.goal);
+            room.workspace.set_goal(gpu, 0, &self.goal);
             let pass = Pass::new(
                 gpu,
                 self.kernels,

@@ -40,12 +40,13 @@ impl Buffer {
                 .at(&gpu.info.name)
                 .way_out("use fewer Gaussians (`--max-points`) or smaller images (`--max-size`)")
             })?;
-        let bytes = bytes.max(16).next_multiple_of(4);
-        let buffer = Self::create(gpu, label, bytes, wgpu::BufferUsages::STORAGE);
-        // At once, because an unusable buffer brings other faults that hide this one.
-        gpu.check_memory()
-            .map_err(|e| e.at(format!("buffer `{label}` of {}", mebibytes(bytes))))?;
-        Ok(buffer)
+        let bytes = least(bytes);
+        Self::create(gpu, label, bytes, wgpu::BufferUsages::STORAGE).held(gpu, label)
+    }
+
+    /// Bytes of [`Buffer::storage`] for `len` values of `T`, did the adapter hold them.
+    pub fn storage_bytes<T: Pod>(len: usize) -> u64 {
+        least((len as u64).saturating_mul(size_of::<T>() as u64))
     }
 
     /// A storage buffer that holds `data`.
@@ -77,11 +78,30 @@ impl Buffer {
         Self::create(gpu, "timestamps", bytes, wgpu::BufferUsages::QUERY_RESOLVE)
     }
 
+    /// A buffer of `bytes` bytes that the host reads.
+    fn readback(gpu: &Gpu, bytes: u64) -> Result<Buffer> {
+        let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
+        Self::counted(gpu, "readback", bytes, usage).held(gpu, "readback")
+    }
+
+    /// The buffer, where there was memory for it. At once, because an unusable buffer brings other
+    /// faults that hide this one.
+    fn held(self, gpu: &Gpu, label: &str) -> Result<Buffer> {
+        gpu.check_memory()
+            .map_err(|e| e.at(format!("buffer `{label}` of {}", mebibytes(self.bytes))))?;
+        Ok(self)
+    }
+
     fn create(gpu: &Gpu, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Buffer {
+        let copied = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+        Self::counted(gpu, label, bytes, usage | copied)
+    }
+
+    fn counted(gpu: &Gpu, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Buffer {
         let raw = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(label),
             size: bytes,
-            usage: usage | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
+            usage,
             mapped_at_creation: false,
         });
         gpu.count(bytes);
@@ -108,14 +128,10 @@ impl Buffer {
         if bytes == 0 {
             return Ok(Vec::new());
         }
-        let staging = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("readback"),
-            size: bytes.next_multiple_of(4),
-            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-            mapped_at_creation: false,
-        });
+        let staging = Self::readback(gpu, bytes.next_multiple_of(4))?;
+        let staging = &staging.raw;
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(&self.raw, 0, &staging, 0, bytes.next_multiple_of(4));
+        encoder.copy_buffer_to_buffer(&self.raw, 0, staging, 0, bytes.next_multiple_of(4));
         gpu.queue.submit([encoder.finish()]);
         let (sender, receiver) = std::sync::mpsc::channel();
         staging.map_async(wgpu::MapMode::Read, .., move |mapped| {
@@ -135,4 +151,9 @@ impl Buffer {
         bytemuck::cast_slice_mut::<T, u8>(&mut values).copy_from_slice(&view[..bytes as usize]);
         Ok(values)
     }
+}
+
+/// What a buffer of `bytes` bytes takes at least, to be bound and copied.
+fn least(bytes: u64) -> u64 {
+    bytes.max(16).next_multiple_of(4)
 }

@@ -90,6 +90,11 @@ impl Gpu {
         binding_limit(&self.limits)
     }
 
+    /// Bytes that this program's buffers hold now.
+    pub fn live_bytes(&self) -> u64 {
+        self.allocated.load(Ordering::Relaxed)
+    }
+
     /// Most bytes that this program's buffers have held at one time.
     pub fn peak_bytes(&self) -> u64 {
         self.peak.load(Ordering::Relaxed)

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::train::fitted;
-use super::{Prepared, TrainJob, prepare};
+use super::{Forecast, Prepared, TrainJob, prepare};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::render::Kernels;
@@ -33,6 +33,8 @@ pub struct DryRun {
     pub prepare_s: f64,
     /// Measured over the first iterations.
     pub iteration_s: f64,
+    /// Predicted.
+    pub memory: Forecast,
     /// Most bytes that buffers held so far.
     pub gpu_bytes: u64,
     pub host_bytes: Option<u64>,
@@ -46,11 +48,13 @@ pub fn dry_run(job: &TrainJob) -> Result<DryRun> {
     let gpu = &Gpu::open()?;
     let (scene, config) = (job.load()?, &job.config);
     let begin = Instant::now();
+    let prepared = prepare(&scene, config, &mut Seconds::default())?;
+    let prepare_s = begin.elapsed().as_secs_f64();
+    let config = fitted(config, gpu, prepared.start.len())?;
+    let memory = Forecast::new(gpu, &scene, &prepared, &config);
     let Prepared {
         supervision, start, ..
-    } = prepare(&scene, config, &mut Seconds::default())?;
-    let prepare_s = begin.elapsed().as_secs_f64();
-    let config = fitted(config, gpu, start.len())?;
+    } = prepared;
     let kernels = Kernels::new(gpu);
     let mut trainer = Trainer::new(gpu, &kernels, &start, &supervision, &config)?;
     let mut run = |from: u32, n: u32| -> Result<f64> {
@@ -83,6 +87,7 @@ pub fn dry_run(job: &TrainJob) -> Result<DryRun> {
         image_size: [camera.width, camera.height],
         prepare_s,
         iteration_s: timed_s / f64::from(N_TIMED),
+        memory,
         gpu_bytes: gpu.peak_bytes(),
         host_bytes: peak_host_bytes(),
     })

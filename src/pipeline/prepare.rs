@@ -15,7 +15,7 @@ use crate::progress::Progress;
 use crate::run::Seconds;
 use crate::scene::{Image, PointCloud, Scene, View, thin};
 use crate::splat::{SplatImage, fill_holes, splat_where};
-use crate::train::{Shell, Supervision, TrainingView};
+use crate::train::{Goal, Shell, Supervision, TrainingView};
 use crate::views::{VirtualView, candidates, virtual_views};
 use crate::visibility::{Visibility, candidate_shares};
 
@@ -55,8 +55,7 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     let virtual_views = choose_views(&train_cameras, (&focus, &field), cloud, config)?;
     let virtual_cameras: Vec<Camera> = virtual_views.iter().map(|v| v.camera.clone()).collect();
     seconds.sample = Some(clock.lap());
-    let splats = splatted(cloud, &frame, (&virtual_cameras, &train_cameras), config)?;
-    let goals = virtual_goals(splats, config.loss.fill_weight);
+    let goals = splatted(cloud, &frame, (&virtual_cameras, &train_cameras), config)?;
     seconds.splat = Some(clock.lap());
 
     let thinned = thin(cloud, n_start(scene, config), config.seed);
@@ -132,14 +131,15 @@ pub(super) fn choose_views(
     virtual_views(train, focus, field, shares.as_deref(), config)
 }
 
-/// The cloud in the virtual views, as far as the training cameras see it where `config` asks for
-/// that; portion by portion to show how far it is.
+/// The cloud in the virtual views as their goals, as far as the training cameras see it where
+/// `config` asks for that; portion by portion to show how far it is, and packed so that never more
+/// than a portion is held as it is.
 fn splatted(
     cloud: &PointCloud,
     frame: &Frame,
     (cameras, train): (&[Camera], &[Camera]),
     config: &Config,
-) -> Result<Vec<SplatImage>> {
+) -> Result<Vec<Goal>> {
     let near = config.model.near;
     let visibility = &config.views.visibility;
     let seen = visibility.mask_angle_deg.map(|max_angle_deg| {
@@ -155,14 +155,14 @@ fn splatted(
     let n_least = 4 * rayon::current_num_threads();
     let portion = cameras.len().div_ceil(N_PORTIONS).max(n_least);
     let mut progress = Progress::stage("splatting", cameras.len() as u32);
-    let mut splats = Vec::with_capacity(cameras.len());
+    let mut goals = Vec::with_capacity(cameras.len());
     for part in cameras.chunks(portion) {
-        let part = splat_where(cloud, frame, part, &config.splat, near, shows)?;
-        splats.extend(part);
-        progress.advance(splats.len() as u32);
+        let splats = splat_where(cloud, frame, part, &config.splat, near, shows)?;
+        goals.extend(virtual_goals(splats, config.loss.fill_weight));
+        progress.advance(goals.len() as u32);
     }
     progress.finish();
-    Ok(splats)
+    Ok(goals)
 }
 
 /// The views that the optimiser learns from, in the canonical frame.
@@ -171,13 +171,16 @@ fn supervision(
     frame: &Frame,
     coverage: Coverage,
     virtual_views: &[VirtualView],
-    goals: Vec<Vec<u32>>,
+    goals: Vec<Goal>,
 ) -> Supervision {
     let real = scene.train.iter().map(|view| {
-        TrainingView::photograph(frame.camera_to_canonical(&view.camera), view.image.texels())
+        TrainingView::photograph(
+            frame.camera_to_canonical(&view.camera),
+            &view.image.texels(),
+        )
     });
     let virtual_views = virtual_views.iter().zip(goals).map(|(view, goal)| {
-        TrainingView::masked(frame.camera_to_canonical(&view.camera), goal, view.alpha)
+        TrainingView::packed(frame.camera_to_canonical(&view.camera), goal, view.alpha)
     });
     let real: Vec<TrainingView> = real.collect();
     Supervision {
@@ -191,11 +194,14 @@ fn supervision(
 
 /// What the virtual views are compared with: the splats, with alpha 255 times the weight of a pixel
 /// as [`TrainingView`] wants it. At a `fill_weight` above 0 their holes are filled.
-fn virtual_goals(splats: Vec<SplatImage>, fill_weight: f64) -> Vec<Vec<u32>> {
+fn virtual_goals(splats: Vec<SplatImage>, fill_weight: f64) -> Vec<Goal> {
     let weight = (255.0 * fill_weight).round() as u8;
-    let goal = |splat: SplatImage| match weight {
-        0 => bytemuck::pod_collect_to_vec(&splat.rgba),
-        weight => bytemuck::pod_collect_to_vec(&fill_holes(&splat, weight)),
+    let goal = |splat: SplatImage| {
+        let texels: Vec<u32> = match weight {
+            0 => bytemuck::pod_collect_to_vec(&splat.rgba),
+            weight => bytemuck::pod_collect_to_vec(&fill_holes(&splat, weight)),
+        };
+        Goal::new(&texels)
     };
     splats.into_par_iter().map(goal).collect()
 }

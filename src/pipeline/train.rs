@@ -6,7 +6,7 @@ use super::evaluate::{Clouds, Seen};
 use super::keep::{Identity, Keeper, Log};
 use super::profile::Sampler;
 use super::watch::{Curve, Watch, curve_point};
-use super::{Clock, Prepared, TrainJob, cameras, evaluate, prepare};
+use super::{Clock, Forecast, Prepared, TrainJob, cameras, evaluate, prepare};
 use crate::camera::Camera;
 use crate::cameras_json::write_cameras;
 use crate::config::Config;
@@ -47,6 +47,7 @@ pub fn train(
     let mut files_s = clock.lap();
     let prepared = prepare(scene, &job.config, &mut seconds)?;
     clock.lap();
+    let config = fitted(&job.config, gpu, prepared.start.len())?;
     for warning in &prepared.warnings {
         log::warn!("{warning}");
     }
@@ -56,6 +57,7 @@ pub fn train(
     let task = Task {
         scene,
         job,
+        config,
         prepared,
         options,
         stamp,
@@ -75,6 +77,8 @@ pub fn train(
     if n_shell > 0 {
         log::info!("{n_shell} Gaussians in the far shell");
     }
+    let forecast = Forecast::new(gpu, scene, &task.prepared, &task.config);
+    log::info!("memory, predicted\n{}", forecast.tables());
     write_virtual_sheet(run, &supervision.virtual_views)?;
     let train = cameras(&scene.train);
     write_cameras(&run.cameras(), &all_cameras(scene, train, virtual_cameras))?;
@@ -94,6 +98,8 @@ pub fn train(
 struct Task<'a> {
     scene: &'a Scene,
     job: &'a TrainJob,
+    /// The job's, as the adapter can hold it.
+    config: Config,
     prepared: Prepared,
     options: &'a EvalOptions,
     /// Of the scene's files when they were loaded.
@@ -121,8 +127,16 @@ impl Task<'_> {
         let kernels = Kernels::new(gpu);
         seconds.compile = Some(clock.lap());
         let (trained, log, step) = self.train(gpu, &kernels, clock, &mut seconds)?;
-        write_ply(&run.point_cloud(), &trained.gaussians, &prepared.frame)?;
-        let refined_poses = self.write_refined(&trained.cameras)?;
+        let Trained {
+            gaussians,
+            cameras,
+            samples,
+            plans,
+        } = trained;
+        write_ply(&run.point_cloud(), &gaussians, &prepared.frame)?;
+        // What is measured is what was written.
+        drop(gaussians);
+        let refined_poses = self.write_refined(&cameras)?;
         clock.lap();
         let (config, frame) = (&job.config, &prepared.frame);
         let device = (gpu, &kernels);
@@ -157,8 +171,8 @@ impl Task<'_> {
                 host_peak_bytes: peak_host_bytes(),
                 gpu_peak_bytes: Some(gpu.peak_bytes()),
             },
-            loss: trained.samples,
-            model_size: model_sizes(prepared.start.len(), &trained.plans),
+            loss: samples,
+            model_size: model_sizes(prepared.start.len(), &plans),
             refined_poses,
             curve,
         })?;
@@ -223,7 +237,7 @@ impl Task<'_> {
             stop,
             ..
         } = self;
-        let config = &fitted(&job.config, gpu, prepared.start.len())?;
+        let config = &self.config;
         let identity = Identity::new(gpu, &job.config, scene, prepared)?;
         seconds.files = Some(seconds.files.unwrap_or(0.0) + clock.lap());
         let mut keeper = Keeper::new(run, stop, identity, job.checkpoint_every, config.iterations);
@@ -344,6 +358,7 @@ fn write_virtual_sheet(run: &RunDir, views: &[TrainingView]) -> Result<()> {
     let mut sheet = ContactSheet::new(views.len(), 2, width, height)?;
     for TrainingView { camera, goal, .. } in views {
         let (width, height) = (camera.width, camera.height);
+        let goal = goal.texels();
         let rgb = goal
             .iter()
             .flat_map(|t| t.to_le_bytes().into_iter().take(3))

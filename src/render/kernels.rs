@@ -68,9 +68,10 @@ impl Kernels {
     }
 }
 
-/// Bind groups of a workspace and a model, for both slots.
+/// Bind groups of a workspace and a model, for both slots; bound to nothing by default.
+#[derive(Default)]
 pub struct Bound {
-    pub(super) slots: [Groups; 2],
+    pub(super) slots: Vec<Groups>,
 }
 
 pub(super) struct Groups {
@@ -103,7 +104,9 @@ pub(super) struct BackwardGroups {
 impl Bound {
     pub fn new(gpu: &Gpu, kernels: &Kernels, workspace: &Workspace, model: &Model) -> Bound {
         Bound {
-            slots: [0, 1].map(|slot| Groups::new(gpu, kernels, workspace, model, slot)),
+            slots: (0..2)
+                .map(|slot| Groups::new(gpu, kernels, workspace, model, slot))
+                .collect(),
         }
     }
 }

@@ -6,6 +6,7 @@
 //! holds no atomic float and every sum has a fixed order, so equal inputs give equal bits.
 
 mod kernels;
+mod memory;
 mod model;
 mod pass;
 mod pose;
@@ -14,6 +15,7 @@ mod uniforms;
 mod workspace;
 
 pub use kernels::{Bound, Kernels};
+pub use memory::{WorkspaceBytes, block_bytes, first_pairs, model_bytes, most_pairs};
 pub use model::{BLOCK_PLANES, Model, most_gaussians, n_blocks};
 pub use pass::Pass;
 pub use pose::{PoseGradient, PoseKernels};

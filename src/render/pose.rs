@@ -60,8 +60,7 @@ impl PoseGradient {
         workspace: &Workspace,
         model: &Model,
     ) -> Result<PoseGradient> {
-        let n_blocks = model.stride.div_ceil(WORKGROUP as usize);
-        let sums = Buffer::storage::<[f32; 4]>(gpu, "pose_sums", 2 * n_blocks)?;
+        let sums = Buffer::storage::<[f32; 4]>(gpu, "pose_sums", n_sums(model.stride))?;
         let d_pose = Buffer::storage::<[f32; 4]>(gpu, "d_pose", 2)?;
         let mut names = workspace.names(model, 0);
         names.extend([("pose_sums", &sums), ("d_pose", &d_pose)]);
@@ -73,6 +72,11 @@ impl PoseGradient {
             backward,
             total,
         })
+    }
+
+    /// Bytes of its buffers for this many Gaussians.
+    pub fn bytes(stride: usize) -> u64 {
+        Buffer::storage_bytes::<[f32; 4]>(n_sums(stride)) + Buffer::storage_bytes::<[f32; 4]>(2)
     }
 
     /// Records the kernels of an SH degree over `n` Gaussians.
@@ -100,4 +104,9 @@ impl PoseGradient {
     pub fn outputs(&self) -> [&Buffer; 2] {
         [&self.sums, &self.d_pose]
     }
+}
+
+/// Partial sums over the blocks of so many Gaussians.
+fn n_sums(stride: usize) -> usize {
+    2 * stride.div_ceil(WORKGROUP as usize)
 }

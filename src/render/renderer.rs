@@ -45,7 +45,11 @@ impl<'a> Renderer<'a> {
             let workspace = match self.workspace.take() {
                 Some(workspace) if workspace.capacity.holds(&needed) => workspace,
                 Some(workspace) => {
-                    Workspace::new(self.gpu, workspace.capacity.union(&needed), false)?
+                    let capacity = workspace.capacity.union(&needed);
+                    // Its memory is free before more is taken.
+                    drop(workspace);
+                    self.gpu.wait()?;
+                    Workspace::new(self.gpu, capacity, false)?
                 }
                 None => Workspace::new(self.gpu, needed, false)?,
             };

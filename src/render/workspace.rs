@@ -10,7 +10,7 @@ use crate::gpu::constants::{
 use crate::gpu::{Buffer, Gpu, shader_count};
 
 /// What a workspace has room for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Capacity {
     /// Gaussians.
     pub stride: usize,
@@ -118,10 +118,6 @@ impl Workspace {
             plane,
             ..
         } = capacity;
-        let n_digits = n_chunks(stride.max(pairs)) << RADIX_BITS;
-        let n_blocks = stride
-            .max(n_digits)
-            .div_ceil((SCAN_CHUNK * WORKGROUP) as usize);
         let slot = || Slot {
             view: Buffer::uniform::<ViewUniform>(gpu, "view"),
             loss: Buffer::uniform::<LossUniform>(gpu, "loss"),
@@ -146,7 +142,7 @@ impl Workspace {
             splats: Buffer::storage::<[f32; 4]>(gpu, "splats", 3 * stride)?,
             gaussian_pairs: Buffer::storage::<[u32; 2]>(gpu, "gaussian_pairs", stride)?,
             splat_pairs: Buffer::storage::<u32>(gpu, "splat_pairs", stride)?,
-            block_sums: Buffer::storage::<u32>(gpu, "block_sums", n_blocks)?,
+            block_sums: Buffer::storage::<u32>(gpu, "block_sums", n_scan_blocks(capacity))?,
             pair_passes: (0..n_pair_passes(tiles))
                 .map(|i| {
                     let shift = i * RADIX_BITS;
@@ -163,7 +159,7 @@ impl Workspace {
                 Buffer::storage::<[u32; 2]>(gpu, "depth_order", stride)?,
                 Buffer::storage::<[u32; 2]>(gpu, "depth_order", stride)?,
             ],
-            digit_counts: Buffer::storage::<u32>(gpu, "digit_counts", n_digits)?,
+            digit_counts: Buffer::storage::<u32>(gpu, "digit_counts", n_digits(capacity))?,
             pairs: [
                 Buffer::storage::<[u32; 2]>(gpu, "pairs", pairs)?,
                 Buffer::storage::<[u32; 2]>(gpu, "pairs", pairs)?,
@@ -275,15 +271,26 @@ impl Backward {
     }
 }
 
+/// Counts of the larger radix sort.
+pub(super) fn n_digits(capacity: Capacity) -> usize {
+    n_chunks(capacity.stride.max(capacity.pairs)) << RADIX_BITS
+}
+
+/// Blocks of the largest scan.
+pub(super) fn n_scan_blocks(capacity: Capacity) -> usize {
+    let most = capacity.stride.max(n_digits(capacity));
+    most.div_ceil((SCAN_CHUNK * WORKGROUP) as usize)
+}
+
 /// Passes of the depth sort.
-const N_DEPTH_PASSES: u32 = DEPTH_BITS.div_ceil(RADIX_BITS);
+pub(super) const N_DEPTH_PASSES: u32 = DEPTH_BITS.div_ceil(RADIX_BITS);
 const _: () = assert!(
     N_DEPTH_PASSES.is_multiple_of(2),
     "the sorted splats end in the first buffer"
 );
 
 /// Passes of the sort by tile.
-fn n_pair_passes(n_tiles: usize) -> u32 {
+pub(super) fn n_pair_passes(n_tiles: usize) -> u32 {
     let bits = n_tiles.max(2).next_power_of_two().ilog2();
     bits.div_ceil(RADIX_BITS)
 }

@@ -92,6 +92,10 @@ impl Trainer<'_> {
             )));
         }
         let (n, stride) = (state.n_gaussians, state.stride);
+        // What there was is free before as much is made again.
+        self.unbind();
+        self.optimizer = Optimizer::new(self.gpu, Model::zeros(self.gpu, 0, 0, state.sh_degree)?)?;
+        self.gpu.wait()?;
         let model = Model::zeros(self.gpu, n, stride, state.sh_degree)?;
         self.optimizer = Optimizer::new(self.gpu, model)?;
         let mut rest = buffers;
@@ -115,10 +119,7 @@ pub fn fingerprint(supervision: &Supervision, start: &Gaussians) -> BTreeMap<Str
     let mut parts = BTreeMap::new();
     for view in supervision.real.iter().chain(&supervision.virtual_views) {
         let name = &view.camera.name;
-        parts.insert(
-            format!("image of `{name}`"),
-            sum(&[bytemuck::cast_slice(&view.goal)]),
-        );
+        parts.insert(format!("image of `{name}`"), sum(&view.goal.parts()));
         parts.insert(format!("camera of `{name}`"), camera_sum(view));
     }
     let cloud = [

@@ -3,10 +3,12 @@
 //! [`schedule`] says what an iteration does, [`optimizer`] steps the parameters on the GPU,
 //! [`policy`] decides on the CPU which Gaussians come and go, [`trainer`] runs the loop, and
 //! [`checkpoint`] takes it apart and puts it together again between two iterations. [`supervision`]
-//! is what they learn from, [`shell`] a background of Gaussians beyond the scene, and [`pose_adam`]
-//! moves cameras, where they are refined.
+//! is what they learn from, [`memory`] says what that takes, [`shell`] is a background of Gaussians
+//! beyond the scene, and [`pose_adam`] moves cameras, where they are refined.
 
 pub mod checkpoint;
+mod goal;
+pub mod memory;
 pub mod optimizer;
 pub mod policy;
 pub mod pose_adam;
@@ -17,6 +19,8 @@ pub mod supervision;
 pub mod trainer;
 
 pub use checkpoint::{State, fingerprint};
+pub use goal::Goal;
+pub use memory::TrainingBytes;
 pub use pose_adam::PoseAdam;
 pub use refine::{RefinedPose, pose_rates};
 pub use shell::Shell;

@@ -2,6 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::memory::with_room;
 use super::policy::{Gathered, Plan};
 use super::schedule;
 use crate::config::Config;
@@ -107,6 +108,16 @@ pub struct RearrangeUniform {
 const KIND_GEOMETRY: u32 = 0;
 const KIND_SH: u32 = 1;
 const KIND_MOMENTS: u32 = 2;
+
+/// Bytes of an [`Optimizer`] beyond its three models.
+pub(super) fn statistics_bytes(stride: usize) -> u64 {
+    Buffer::storage_bytes::<[f32; 4]>(stride) + size_of::<StepUniform>() as u64
+}
+
+/// Bytes that [`Optimizer::rearrange`] takes beside the new set of one model.
+pub(super) fn plan_bytes(n: usize) -> u64 {
+    Buffer::storage_bytes::<u32>(n) + Buffer::storage_bytes::<[f32; 4]>(n)
+}
 
 /// The parameters in training, with what Adam and the densification remember of them.
 pub struct Optimizer {
@@ -250,13 +261,13 @@ impl Optimizer {
         })
     }
 
-    /// Carries out a plan; statistics start anew.
+    /// Carries out a plan; statistics start anew. Bind groups of the old set keep its memory: drop
+    /// them first.
     pub fn rearrange(&mut self, gpu: &Gpu, kernels: &OptimizerKernels, plan: &Plan) -> Result<()> {
         let n = plan.sources.len();
         let degree = self.model.sh_degree;
-        // Room to grow, so that the workspace's buffers need not follow every plan.
         let stride = if n > self.model.stride {
-            (n + n / 4).min(most_gaussians(gpu, degree)).max(n)
+            with_room(n, most_gaussians(gpu, degree))
         } else {
             self.model.stride
         };
@@ -299,9 +310,9 @@ impl Optimizer {
                 commands.dispatch(&kernels.rearrange, &group, n as u64);
             }
             commands.submit();
+            *old = new;
             // The old set's memory is free before the next is made.
             gpu.wait()?;
-            *old = new;
         }
         self.statistics = Buffer::storage::<[f32; 4]>(gpu, "statistics", stride)?;
         Ok(())

@@ -21,7 +21,8 @@ use crate::render::{Model, PoseGradient, PoseKernels, ViewUniform, Workspace, re
 /// The training cameras on their way.
 pub(super) struct Refinement {
     pub kernels: PoseKernels,
-    pub gradient: PoseGradient,
+    /// None while it is bound to nothing.
+    pub gradient: Option<PoseGradient>,
     pub poses: Vec<RefinedPose>,
 }
 
@@ -45,7 +46,7 @@ impl Refinement {
     ) -> Result<Refinement> {
         let kernels = PoseKernels::new(gpu);
         Ok(Refinement {
-            gradient: PoseGradient::new(gpu, &kernels, workspace, model)?,
+            gradient: Some(PoseGradient::new(gpu, &kernels, workspace, model)?),
             kernels,
             poses: views.iter().map(|v| RefinedPose::new(&v.camera)).collect(),
         })
@@ -53,7 +54,7 @@ impl Refinement {
 
     /// Follows a workspace or model that has changed.
     pub fn rebind(&mut self, gpu: &Gpu, workspace: &Workspace, model: &Model) -> Result<()> {
-        self.gradient = PoseGradient::new(gpu, &self.kernels, workspace, model)?;
+        self.gradient = Some(PoseGradient::new(gpu, &self.kernels, workspace, model)?);
         Ok(())
     }
 
@@ -67,8 +68,11 @@ impl Refinement {
         (k, view): (usize, &TrainingView),
         rates: [f64; 2],
     ) -> Result<Camera> {
-        let gradient = self.gradient.read(gpu)?;
         let pose = &mut self.poses[k];
+        let Some(gradient) = &self.gradient else {
+            return Ok(pose.camera(view));
+        };
+        let gradient = gradient.read(gpu)?;
         let camera = pose.adam.step(&pose.camera(view), gradient, rates);
         pose.set(&camera);
         Ok(camera)

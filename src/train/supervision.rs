@@ -1,5 +1,6 @@
 //! What a training run learns from.
 
+use super::goal::Goal;
 use super::shell::Shell;
 use crate::camera::Camera;
 use crate::field::Coverage;
@@ -9,8 +10,8 @@ use crate::field::Coverage;
 pub struct TrainingView {
     /// Canonical frame.
     pub camera: Camera,
-    /// RGBA8, `height * width`, red in the lowest byte; alpha / 255 is the pixel's weight.
-    pub goal: Vec<u32>,
+    /// `height * width`; alpha / 255 is the pixel's weight.
+    pub goal: Goal,
     /// Sum of the pixels' weights.
     pub total_weight: f64,
     /// Whether pixels may weigh less than 1; SSIM's windows are normalised then.
@@ -20,8 +21,8 @@ pub struct TrainingView {
 }
 
 impl TrainingView {
-    /// A photograph: every pixel weighs 1, as does its loss.
-    pub fn photograph(camera: Camera, goal: Vec<u32>) -> TrainingView {
+    /// A photograph in RGBA8: every pixel weighs 1, as does its loss.
+    pub fn photograph(camera: Camera, goal: &[u32]) -> TrainingView {
         TrainingView {
             masked: false,
             ..Self::masked(camera, goal, 1.0)
@@ -29,8 +30,13 @@ impl TrainingView {
     }
 
     /// A view of which every pixel weighs what its alpha says.
-    pub fn masked(camera: Camera, goal: Vec<u32>, weight: f64) -> TrainingView {
-        let total: u64 = goal.iter().map(|texel| u64::from(texel >> 24)).sum();
+    pub fn masked(camera: Camera, goal: &[u32], weight: f64) -> TrainingView {
+        Self::packed(camera, Goal::new(goal), weight)
+    }
+
+    /// The same of a goal that is packed already.
+    pub fn packed(camera: Camera, goal: Goal, weight: f64) -> TrainingView {
+        let total = goal.total_alpha();
         TrainingView {
             camera,
             goal,

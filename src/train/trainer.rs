@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
+use super::memory::{start_capacity, uniform};
 use super::optimizer::{Optimizer, OptimizerKernels, StepUniform};
 use super::policy::{self, Surroundings};
 use super::refine::Refinement;
@@ -15,7 +16,8 @@ use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
 use crate::gpu::{Commands, Gpu, Profile};
 use crate::render::{
-    Bound, Capacity, Kernels, LossUniform, Model, Pass, ViewUniform, Workspace, read_totals,
+    Bound, Capacity, Kernels, LossUniform, Model, Pass, ViewUniform, Workspace, most_pairs,
+    read_totals,
 };
 use crate::run::{ImageLoss, LossSample, PlanCounts};
 
@@ -142,6 +144,8 @@ pub struct Trainer<'a> {
     bound: Bound,
     adam: Vec<Vec<wgpu::BindGroup>>,
     pub(super) refinement: Option<Refinement>,
+    /// A view's, unpacked.
+    goal: Vec<u32>,
     /// Number of finished iterations, where the run starts or has last been kept.
     pub(super) done: u32,
     pub(super) samples: Vec<LossSample>,
@@ -165,17 +169,12 @@ impl<'a> Trainer<'a> {
             return Err(Error::new("no training view"));
         }
         let uniforms = |views: &[TrainingView]| -> Vec<ViewUniform> {
-            let model = &config.model;
-            views
-                .iter()
-                .map(|v| ViewUniform::new(&v.camera, model.near, model.background))
-                .collect()
+            views.iter().map(|view| uniform(view, config)).collect()
         };
         let real = uniforms(&supervision.real);
         let virtual_views = uniforms(&supervision.virtual_views);
         let model = Model::upload(gpu, start, start.len())?;
-        let all = [real.clone(), virtual_views.clone()].concat();
-        let capacity = Capacity::new(model.stride, 12 * model.n.max(1024), &all);
+        let capacity = start_capacity(gpu, model.n, supervision, config);
         let clock = Instant::now();
         let optimizer_kernels = OptimizerKernels::new(gpu);
         let compile = clock.elapsed().as_secs_f64();
@@ -200,6 +199,7 @@ impl<'a> Trainer<'a> {
             bound,
             adam,
             refinement,
+            goal: Vec::new(),
             done: 0,
             samples: Vec::new(),
             plans: Vec::new(),
@@ -310,7 +310,8 @@ impl<'a> Trainer<'a> {
             let scale = [1.0, config.loss.virtual_weight][slot];
             let w = config.loss.ssim_weight;
             let loss = LossUniform::new(view.weight * scale, w, view.total_weight, view.masked);
-            self.workspace.set_goal(self.gpu, slot, &view.goal);
+            view.goal.unpack(&mut self.goal);
+            self.workspace.set_goal(self.gpu, slot, &self.goal);
             let pass = Pass::new(
                 self.gpu,
                 self.kernels,
@@ -323,8 +324,10 @@ impl<'a> Trainer<'a> {
             pass.forward(&mut commands);
             pass.loss(&mut commands, loss);
             pass.backward(&mut commands);
-            if let (0, Some(refinement)) = (slot, &self.refinement) {
-                pass.pose_backward(&mut commands, &refinement.kernels, &refinement.gradient);
+            if let (0, Some(refinement)) = (slot, &self.refinement)
+                && let Some(gradient) = &refinement.gradient
+            {
+                pass.pose_backward(&mut commands, &refinement.kernels, gradient);
             }
             let [x, y, z, _] = uniform.center_near;
             centers.push([x, y, z]);
@@ -398,6 +401,7 @@ impl<'a> Trainer<'a> {
                 frozen_beyond: self.supervision.frozen_beyond(),
             };
             let plan = policy::plan(&gathered, config, &surroundings, done);
+            self.unbind();
             self.optimizer
                 .rearrange(self.gpu, &self.optimizer_kernels, &plan)?;
             let n = self.optimizer.model.n;
@@ -440,12 +444,23 @@ impl<'a> Trainer<'a> {
         }
         let mut capacity = self.workspace.capacity;
         capacity.stride = capacity.stride.max(self.optimizer.model.stride);
-        // A pair's largest entry is a vec4f.
-        let most_pairs = (self.gpu.max_binding() / 16) as usize;
-        let wanted = (pairs + pairs / 2).min(most_pairs).max(pairs);
+        let wanted = (pairs + pairs / 2).min(most_pairs(self.gpu)).max(pairs);
         capacity.pairs = capacity.pairs.max(wanted);
+        // The old buffers are free before the new ones are made.
+        self.unbind();
+        self.workspace = Workspace::new(self.gpu, Capacity::default(), true)?;
+        self.gpu.wait()?;
         self.workspace = Workspace::new(self.gpu, capacity, true)?;
         self.rebind()
+    }
+
+    /// Drops the bind groups, which keep their buffers' memory.
+    pub(super) fn unbind(&mut self) {
+        self.bound = Bound::default();
+        self.adam.clear();
+        if let Some(refinement) = &mut self.refinement {
+            refinement.gradient = None;
+        }
     }
 
     fn rebind(&mut self) -> Result<()> {

@@ -168,7 +168,10 @@ fn virtual_views_at_the_poles_are_learned_from() {
         .zip(&splats)
         .map(|(camera, splat)| {
             let camera = prepared.frame.camera_to_canonical(camera);
-            TrainingView::masked(camera, bytemuck::pod_collect_to_vec(&splat.rgba), 1.0)
+            {
+                let goal: Vec<u32> = bytemuck::pod_collect_to_vec(&splat.rgba);
+                TrainingView::masked(camera, &goal, 1.0)
+            }
         })
         .collect();
     config.views.count = 2;

@@ -189,7 +189,7 @@ pub fn noise_supervision(camera: &TwinCamera) -> Supervision {
         lambda: 0.2,
     };
     Supervision {
-        real: vec![TrainingView::photograph(camera_of(camera), goal)],
+        real: vec![TrainingView::photograph(camera_of(camera), &goal)],
         virtual_views: Vec::new(),
         coverage: Coverage::new(&field, &fibonacci_sphere(64)),
         extent: 1.0,

@@ -11,7 +11,7 @@ use gspotential::reference::cases::{cameras, looking_at, random_scene};
 use gspotential::reference::model::TwinCamera;
 use gspotential::render::{Model, Renderer};
 use gspotential::scene::PointCloud;
-use gspotential::train::{Supervision, Trained, TrainingView};
+use gspotential::train::{Goal, Supervision, Trained, TrainingView};
 
 use super::specimens::{config, noise_supervision};
 use super::survive;
@@ -47,7 +47,8 @@ fn images_of_any_size_are_learned_from() {
 #[test]
 fn a_black_photograph_is_learned_as_black() {
     let mut supervision = noise_supervision(&camera());
-    supervision.real[0].goal.fill(0xff00_0000);
+    let view = &mut supervision.real[0];
+    view.goal = Goal::new(&vec![0xff00_0000; view.goal.texels().len()]);
     let result = trained("black", &ball(80), &supervision, &config(150));
     assert_learns("black", &result);
     let last = result.samples.last().expect("samples").real;
@@ -57,8 +58,9 @@ fn a_black_photograph_is_learned_as_black() {
 /// A second view with the pixels of `valid` alone.
 fn with_mask(valid: impl Fn(usize) -> bool) -> Supervision {
     let mut supervision = noise_supervision(&camera());
-    let mut view: TrainingView = supervision.real[0].clone();
-    for (i, texel) in view.goal.iter_mut().enumerate() {
+    let view: TrainingView = supervision.real[0].clone();
+    let mut goal = view.goal.texels();
+    for (i, texel) in goal.iter_mut().enumerate() {
         // Colours of invalid pixels must not matter.
         *texel = if valid(i) {
             *texel | 0xff00_0000
@@ -66,7 +68,7 @@ fn with_mask(valid: impl Fn(usize) -> bool) -> Supervision {
             *texel & 0x00ff_ffff
         };
     }
-    supervision.virtual_views = vec![TrainingView::masked(view.camera, view.goal, 1.0)];
+    supervision.virtual_views = vec![TrainingView::masked(view.camera, &goal, 1.0)];
     supervision
 }
 

@@ -1,0 +1,116 @@
+//! What the CPU does before training, against virtual views and points.
+
+use gspotential::config::Config;
+use gspotential::error::{Error, Result, write_file};
+use gspotential::gaussians::Gaussians;
+use gspotential::pipeline::{Prepared, focus_of, prepare};
+use gspotential::run::{Seconds, peak_host_bytes};
+use gspotential::scene::read_cloud;
+use gspotential::splat::splat_views;
+
+use super::clock::of_cpu;
+use super::{Args, Figure, POINTS, VIEWS, cloud, sizes};
+
+const WIDTH: u32 = 320;
+const N_POINTS: usize = 100_000;
+const N_VIEWS: usize = 16;
+
+/// Lets the greatest memory of the process be measured anew, where the system does (Linux).
+pub fn forget_peak() {
+    // Where it does not, the greatest so far stays.
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+}
+
+/// Against the number of virtual views.
+///
+/// # Errors
+/// A scene without a sphere.
+pub fn views(args: &Args, figures: &mut Vec<Figure>) -> Result<()> {
+    let mut config = Config::preset("paper")?;
+    config.scene.max_points = Some(1000);
+    let scene = cloud::scene(&config, WIDTH, N_POINTS)?;
+    for n in [16, 32, 64, 128, 256]
+        .into_iter()
+        .filter(|n| *n <= args.most_views)
+    {
+        config.views.count = n;
+        forget_peak();
+        let mut least = f64::INFINITY;
+        for _ in 0..args.rounds.max(1) {
+            // Of the whole preparation, of which it is nearly all.
+            let seconds = of_cpu(|| prepare(&scene, &config, &mut Seconds::default()))?;
+            least = least.min(seconds);
+        }
+        let Prepared { supervision, .. } = prepare(&scene, &config, &mut Seconds::default())?;
+        let goals = supervision
+            .virtual_views
+            .iter()
+            .map(|view| view.goal.bytes());
+        let goals: usize = goals.sum();
+        let mut figure = |what: &str, unit, value| {
+            figures.push(Figure {
+                sweep: VIEWS,
+                size: n as f64,
+                what: what.to_owned(),
+                unit,
+                value,
+            });
+        };
+        figure("splatting", "s", least);
+        figure("their goals", "B", goals as f64);
+        if let Some(bytes) = peak_host_bytes() {
+            figure("host peak", "B", bytes as f64);
+        }
+    }
+    Ok(())
+}
+
+/// Against the points of the cloud.
+///
+/// # Errors
+/// A file that cannot be written or read back.
+pub fn points(args: &Args, figures: &mut Vec<Figure>) -> Result<()> {
+    let mut config = Config::preset("paper")?;
+    config.views.count = N_VIEWS;
+    config.scene.max_points = Some(1000);
+    let base = cloud::scene(&config, WIDTH, 10_000)?;
+    let virtual_cameras = prepare(&base, &config, &mut Seconds::default())?.virtual_cameras;
+    let (_, frame) = focus_of(&base)?;
+    let folder = tempfile::tempdir().map_err(|e| Error::new(e.to_string()))?;
+    let file = folder.path().join("points3D.ply");
+    for n in sizes(10_000, args.most_points) {
+        let points = cloud::of_size(&base.cloud, n);
+        write_file(&file, &cloud::ply(&points))?;
+        forget_peak();
+        let mut least = [f64::INFINITY; 3];
+        for _ in 0..args.rounds.clamp(1, 3) {
+            let load = of_cpu(|| {
+                assert_eq!(read_cloud(&file)?.len(), n, "points are lost");
+                Ok(())
+            })?;
+            let start = of_cpu(|| Gaussians::from_cloud(&points, &frame, &config.model))?;
+            let (config, near) = (&config.splat, config.model.near);
+            let splat = of_cpu(|| splat_views(&points, &frame, &virtual_cameras, config, near))?;
+            for (least, seconds) in least.iter_mut().zip([load, start, splat]) {
+                *least = least.min(seconds);
+            }
+        }
+        eprintln!("  {n} points");
+        let mut figure = |what: &str, unit, value| {
+            figures.push(Figure {
+                sweep: POINTS,
+                size: n as f64,
+                what: what.to_owned(),
+                unit,
+                value,
+            });
+        };
+        figure("loading a PLY", "s", least[0]);
+        figure("first Gaussians", "s", least[1]);
+        figure("splatting 16 views", "s", least[2]);
+        if let Some(bytes) = peak_host_bytes() {
+            figure("host peak", "B", bytes as f64);
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,89 @@
+//! Time and memory against the size of what is worked on, each as a fitted exponent; and how many
+//! (pixel, Gaussian) evaluations the rasterizer makes of what the adapter could compute.
+//!
+//! `cargo bench --bench growth -- [--out DIR] [--most-gaussians N] [--widest PX] [--most-views N]
+//! [--most-points N] [--rounds N]`
+//!
+//! First the tools are checked: the fit, the counting rasterizer, the kernel that measures the peak.
+//! Each time is the least of several rounds: on a software adapter and on the host CPU time, which
+//! what else a shared machine does hardly changes, otherwise by timestamps.
+
+#[path = "../tradeoff/clock.rs"]
+mod clock;
+mod cloud;
+mod count;
+mod fit;
+mod host;
+mod output;
+mod peak;
+mod step;
+
+use std::path::PathBuf;
+
+use clap::Parser;
+use gspotential::doctor::Context;
+use gspotential::error::Result;
+use gspotential::gpu::Gpu;
+
+/// One figure of one size.
+pub struct Figure {
+    /// What grows.
+    pub sweep: &'static str,
+    pub size: f64,
+    pub what: String,
+    /// `s`, `B`, or what is counted.
+    pub unit: &'static str,
+    pub value: f64,
+}
+
+pub const GAUSSIANS: &str = "Gaussians";
+pub const PIXELS: &str = "pixels";
+pub const VIEWS: &str = "virtual views";
+pub const POINTS: &str = "cloud points";
+
+#[derive(Parser)]
+pub struct Args {
+    /// Folder for growth.csv, growth.md and the plots
+    #[arg(long, default_value = "target/growth")]
+    out: PathBuf,
+    /// 2000000 takes an adapter that binds 160 MB and more
+    #[arg(long, default_value_t = 200_000)]
+    most_gaussians: usize,
+    #[arg(long, default_value_t = 1600)]
+    widest: u32,
+    #[arg(long, default_value_t = 256)]
+    most_views: usize,
+    #[arg(long, default_value_t = 1_000_000)]
+    most_points: usize,
+    /// Rounds of which the fastest counts
+    #[arg(long, default_value_t = 5)]
+    rounds: u32,
+    /// What cargo passes to every bench
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+/// 1, 2 and 5 times powers of ten from `first` to `last`.
+pub fn sizes(first: usize, last: usize) -> Vec<usize> {
+    let decades = (0..12).map(|k| 10_usize.pow(k));
+    let all = decades.flat_map(|ten| [ten, 2 * ten, 5 * ten]);
+    all.filter(|n| (first..=last).contains(n)).collect()
+}
+
+fn main() -> Result<()> {
+    let args = Args::parse();
+    fit::check();
+    let ctx = Context::new(Gpu::open()?)?;
+    let counting = count::Counting::new(&ctx)?;
+    let peak = peak::measure(&ctx.gpu, args.rounds)?;
+    let mut figures = Vec::new();
+    eprintln!("Gaussians");
+    step::gaussians(&ctx, &counting, &args, &mut figures)?;
+    eprintln!("pixels");
+    step::pixels(&ctx, &counting, &args, &mut figures)?;
+    eprintln!("virtual views");
+    host::views(&args, &mut figures)?;
+    eprintln!("cloud points");
+    host::points(&args, &mut figures)?;
+    output::write(&args.out, &ctx.gpu.describe(), peak, &figures)
+}

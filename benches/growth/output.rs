@@ -1,0 +1,212 @@
+//! CSV, Markdown and plots.
+
+use std::path::Path;
+
+use gspotential::error::{Error, Result, create_dir, write_file};
+use gspotential::report::Table;
+use gspotential::report::plot::{Axis, Plot, Point, Style};
+
+use super::clock;
+use super::count::{OPERATIONS, RASTERIZE};
+use super::fit::exponent;
+use super::{Figure, GAUSSIANS, PIXELS, POINTS, VIEWS};
+
+/// Sweeps with the figures that are drawn.
+const DRAWN: [(&str, &str, &[&str]); 4] = [
+    (
+        GAUSSIANS,
+        "growth-gaussians.svg",
+        &[
+            "a step of two views",
+            RASTERIZE,
+            "rasterize backward",
+            "project backward",
+            "sort by tile",
+            "a checkpoint, written",
+            "GPU buffers",
+        ],
+    ),
+    (
+        PIXELS,
+        "growth-pixels.svg",
+        &[
+            "a step of two views",
+            RASTERIZE,
+            "rasterize backward",
+            "loss and its gradient",
+            "GPU buffers",
+        ],
+    ),
+    (
+        VIEWS,
+        "growth-views.svg",
+        &["splatting", "their goals", "host peak"],
+    ),
+    (
+        POINTS,
+        "growth-points.svg",
+        &[
+            "loading a PLY",
+            "first Gaussians",
+            "splatting 16 views",
+            "host peak",
+        ],
+    ),
+];
+
+/// Writes everything into `folder`, and the tables to stdout; `peak` is in operations a second.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn write(folder: &Path, adapter: &str, peak: f64, figures: &[Figure]) -> Result<()> {
+    create_dir(folder)?;
+    write_file(&folder.join("growth.csv"), &csv(figures)?)?;
+    // Where the system does not tell, nothing is said.
+    let load = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    let load = load
+        .split_whitespace()
+        .take(3)
+        .collect::<Vec<_>>()
+        .join(", ");
+    let mut text = format!(
+        "# Growth\n\n{adapter}. Times are {}, on other adapters than software ones by timestamps. Load of the machine at the end, over 1, 5 and 15 minutes: {load}.\n",
+        clock::unit()
+    );
+    for (sweep, file, _) in DRAWN {
+        text += &format!(
+            "\n## Against {sweep}\n\n![{sweep}]({file})\n\n{}",
+            table(figures, sweep)
+        );
+    }
+    text += &format!(
+        "\n## Evaluations\n\nPeak, measured by chains of multiplications and additions without memory: {:.1} GFLOP/s, of one \
+         core where times are CPU time; so are the rates. An \
+         evaluation of a Gaussian at a pixel takes {OPERATIONS} additions and multiplications.\n\n{}",
+        peak / 1e9,
+        evaluations(figures, peak)
+    );
+    write_file(&folder.join("growth.md"), text.as_bytes())?;
+    println!("{text}");
+    for (sweep, file, whats) in DRAWN {
+        if figures.iter().any(|f| f.sweep == sweep) {
+            plot(figures, sweep, whats).write(&folder.join(file))?;
+        }
+    }
+    Ok(())
+}
+
+/// Sizes and values of one figure.
+fn series(figures: &[Figure], sweep: &str, what: &str) -> Vec<(f64, f64)> {
+    let of = figures
+        .iter()
+        .filter(|f| f.sweep == sweep && f.what == what);
+    of.map(|f| (f.size, f.value)).collect()
+}
+
+/// What a sweep measured, in the order in which it came.
+fn whats<'a>(figures: &'a [Figure], sweep: &str) -> Vec<(&'a str, &'static str)> {
+    let mut all = Vec::new();
+    for f in figures.iter().filter(|f| f.sweep == sweep) {
+        if !all.contains(&(f.what.as_str(), f.unit)) {
+            all.push((f.what.as_str(), f.unit));
+        }
+    }
+    all
+}
+
+fn table(figures: &[Figure], sweep: &str) -> Table {
+    let sizes = figures.iter().filter(|f| f.sweep == sweep).map(|f| f.size);
+    let (least, most) = sizes.fold((f64::INFINITY, 0.0), |(least, most): (f64, f64), size| {
+        (least.min(size), most.max(size))
+    });
+    let mut table = Table::new(&[
+        "",
+        &format!("at {least}"),
+        &format!("at {most}"),
+        &format!("ratio, of {:.1}", most / least),
+        "exponent",
+    ]);
+    for (what, unit) in whats(figures, sweep) {
+        let points = series(figures, sweep, what);
+        let (Some(first), Some(last)) = (points.first(), points.last()) else {
+            continue;
+        };
+        table.row(&[
+            what.to_owned(),
+            shown(first.1, unit),
+            shown(last.1, unit),
+            format!("{:.2}", last.1 / first.1),
+            format!("{:.2}", exponent(&points)),
+        ]);
+    }
+    table
+}
+
+fn shown(value: f64, unit: &str) -> String {
+    match unit {
+        "s" => format!("{:.2} ms", 1e3 * value),
+        "B" => format!("{:.1} MiB", value / f64::from(1 << 20)),
+        _ => format!("{value:.0}"),
+    }
+}
+
+fn evaluations(figures: &[Figure], peak: f64) -> Table {
+    let mut table = Table::new(&[
+        "",
+        "of",
+        "million evaluations",
+        "a pair",
+        "million a second",
+        "of the peak",
+    ]);
+    for sweep in [GAUSSIANS, PIXELS] {
+        let of = |what| series(figures, sweep, what);
+        let (counts, seconds) = (of("evaluations of a view"), of(RASTERIZE));
+        let pairs = of("pairs of a view");
+        for ((count, time), pairs) in counts.iter().zip(&seconds).zip(&pairs) {
+            let rate = count.1 / time.1;
+            table.row(&[
+                sweep.to_owned(),
+                count.0.to_string(),
+                format!("{:.1}", count.1 / 1e6),
+                format!("{:.1}", count.1 / pairs.1),
+                format!("{:.0}", rate / 1e6),
+                format!("{:.1} %", 100.0 * rate * OPERATIONS / peak),
+            ]);
+        }
+    }
+    table
+}
+
+fn plot(figures: &[Figure], sweep: &str, whats: &[&str]) -> Plot {
+    let (x, y) = (
+        Axis::log(sweep),
+        Axis::log("of the value at the least size"),
+    );
+    whats.iter().fold(
+        Plot::new(&format!("Against {sweep}"), x, y),
+        |plot, what| {
+            let points = series(figures, sweep, what);
+            let first = points.first().map_or(f64::NAN, |p| p.1);
+            let name = format!("{what}: {:.2}", exponent(&points));
+            let points = points
+                .iter()
+                .map(|(x, y)| Point::new(*x, y / first))
+                .collect();
+            plot.with(&name, Style::Curve, points)
+        },
+    )
+}
+
+fn csv(figures: &[Figure]) -> Result<Vec<u8>> {
+    let failed = |e: &dyn std::fmt::Display| Error::new(e.to_string());
+    let mut csv = csv::Writer::from_writer(Vec::new());
+    csv.write_record(["against", "size", "what", "unit", "value"])
+        .map_err(|e| failed(&e))?;
+    for f in figures {
+        let (size, value) = (f.size.to_string(), f.value.to_string());
+        csv.write_record([f.sweep, &size, &f.what, f.unit, &value])
+            .map_err(|e| failed(&e))?;
+    }
+    csv.into_inner().map_err(|e| failed(&e))
+}

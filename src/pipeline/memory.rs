@@ -1,0 +1,94 @@
+//! What a run will need, told before it trains.
+
+use super::Prepared;
+use crate::config::Config;
+use crate::gaussians::Gaussians;
+use crate::gpu::Gpu;
+use crate::report::{gpu_memory_table, host_memory_table};
+use crate::scene::{PointCloud, Scene, View};
+use crate::train::{TrainingBytes, TrainingView};
+
+/// Memory of a run, before it trains.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Forecast {
+    /// GPU buffers at the start.
+    pub gpu: TrainingBytes,
+    /// The same once the set has grown as far as it may; `None` where nothing grows.
+    pub gpu_at_most: Option<TrainingBytes>,
+    /// What the process holds from beginning to end, bytes by part.
+    pub host: Vec<(&'static str, u64)>,
+}
+
+impl Forecast {
+    /// Of training `prepared` as `config` says, whose cap on Gaussians the adapter can hold.
+    pub fn new(gpu: &Gpu, scene: &Scene, prepared: &Prepared, config: &Config) -> Forecast {
+        let Prepared {
+            supervision, start, ..
+        } = prepared;
+        let goals = |views: &[TrainingView]| views.iter().map(|v| v.goal.bytes() as u64).sum();
+        let carved = prepared.carved.as_ref().map(|c| cloud_bytes(&c.cloud));
+        Forecast {
+            gpu: TrainingBytes::at_start(gpu, start.len(), supervision, config),
+            gpu_at_most: TrainingBytes::at_most(gpu, start.len(), supervision, config),
+            host: vec![
+                ("training photographs", image_bytes(&scene.train)),
+                ("their goals", goals(&supervision.real)),
+                (
+                    "goals of the virtual views",
+                    goals(&supervision.virtual_views),
+                ),
+                ("test photographs", image_bytes(&scene.test)),
+                (
+                    "point cloud",
+                    cloud_bytes(&scene.cloud) + carved.unwrap_or(0),
+                ),
+                ("first Gaussians", gaussian_bytes(start)),
+            ],
+        }
+    }
+
+    /// The tables, in Markdown.
+    pub fn tables(&self) -> String {
+        let mut text = format!(
+            "{}\nRoom for pairs, {} bytes each, grows to half as many again as a view turns out to have.\n\n{}",
+            gpu_memory_table(&self.gpu),
+            self.gpu.bytes_a_pair(),
+            host_memory_table(&self.host)
+        );
+        if let Some(most) = &self.gpu_at_most {
+            text += &format!(
+                "\nWith {} Gaussians, as many as there may be: about {} MiB of GPU buffers\n",
+                most.n_gaussians,
+                most.peak() >> 20
+            );
+        }
+        text
+    }
+}
+
+fn image_bytes(views: &[View]) -> u64 {
+    let masks = |view: &View| view.mask.as_ref().map_or(0, Vec::len);
+    let bytes = views.iter().map(|view| view.image.rgb.len() + masks(view));
+    bytes.sum::<usize>() as u64
+}
+
+fn cloud_bytes(cloud: &PointCloud) -> u64 {
+    let confidence = cloud.confidence.as_deref().map_or(0, size_of_val);
+    (size_of_val(&cloud.positions[..]) + size_of_val(&cloud.colors[..]) + confidence) as u64
+}
+
+fn gaussian_bytes(gaussians: &Gaussians) -> u64 {
+    let Gaussians {
+        means,
+        scales_log,
+        rotations_wxyz,
+        opacity_logits,
+        sh,
+        ..
+    } = gaussians;
+    (size_of_val(&means[..])
+        + size_of_val(&scales_log[..])
+        + size_of_val(&rotations_wxyz[..])
+        + size_of_val(&opacity_logits[..])
+        + size_of_val(&sh[..])) as u64
+}

@@ -1,0 +1,133 @@
+//! What training's buffers will take, before there are any.
+
+use super::optimizer::{plan_bytes, statistics_bytes};
+use super::supervision::{Supervision, TrainingView};
+use crate::config::Config;
+use crate::gpu::Gpu;
+use crate::render::{
+    Capacity, PoseGradient, ViewUniform, WorkspaceBytes, block_bytes, first_pairs, model_bytes,
+    most_gaussians,
+};
+
+/// Bytes of GPU buffers that training holds at one time, to the byte.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TrainingBytes {
+    pub n_gaussians: usize,
+    /// Of one view.
+    pub n_pairs: usize,
+    /// The Gaussians.
+    pub model: u64,
+    /// Both of Adam's.
+    pub moments: u64,
+    pub statistics: u64,
+    pub workspace: WorkspaceBytes,
+    /// Gradients of poses, where they are refined.
+    pub poses: u64,
+    /// The largest block that the host reads.
+    pub reading: u64,
+    /// What densifying holds beside the old set.
+    pub densifying: u64,
+}
+
+impl TrainingBytes {
+    /// Of training that starts from `n` Gaussians, until it densifies or more pairs are needed.
+    pub fn at_start(
+        gpu: &Gpu,
+        n: usize,
+        supervision: &Supervision,
+        config: &Config,
+    ) -> TrainingBytes {
+        let capacity = start_capacity(gpu, n, supervision, config);
+        Self::with(capacity, n, config)
+    }
+
+    /// The same while it densifies to `config.densify.max_gaussians`; `None` where nothing grows.
+    /// Pairs have grown in proportion.
+    pub fn at_most(
+        gpu: &Gpu,
+        n: usize,
+        supervision: &Supervision,
+        config: &Config,
+    ) -> Option<TrainingBytes> {
+        if !config.densify.enabled {
+            return None;
+        }
+        let degree = config.model.sh_degree;
+        let most = config.densify.max_gaussians.max(n);
+        let stride = with_room(most, most_gaussians(gpu, degree));
+        let capacity = Capacity {
+            stride,
+            ..start_capacity(gpu, most, supervision, config)
+        };
+        Some(TrainingBytes {
+            n_gaussians: most,
+            densifying: model_bytes(stride, degree) + plan_bytes(most),
+            ..Self::with(capacity, most, config)
+        })
+    }
+
+    fn with(capacity: Capacity, n_gaussians: usize, config: &Config) -> TrainingBytes {
+        let sh_degree = config.model.sh_degree;
+        let model = model_bytes(capacity.stride, sh_degree);
+        TrainingBytes {
+            n_gaussians,
+            n_pairs: capacity.pairs,
+            model,
+            moments: 2 * model,
+            statistics: statistics_bytes(capacity.stride),
+            workspace: WorkspaceBytes::of(capacity),
+            poses: match config.poses.refine {
+                true => PoseGradient::bytes(capacity.stride),
+                false => 0,
+            },
+            reading: block_bytes(capacity.stride, sh_degree),
+            densifying: 0,
+        }
+    }
+
+    /// Bytes of a (tile, Gaussian) pair, but for the sort's counts.
+    pub fn bytes_a_pair(&self) -> u64 {
+        let WorkspaceBytes {
+            pairs,
+            pair_gradients,
+            ..
+        } = self.workspace;
+        let n = self.n_pairs.max(1) as u64;
+        // The sort's second half is as large as its first, two of the three words of a pair.
+        (pairs + pairs / 3 * 2 + pair_gradients) / n
+    }
+
+    /// What is held between two iterations.
+    pub fn held(&self) -> u64 {
+        self.model + self.moments + self.statistics + self.workspace.total() + self.poses
+    }
+
+    /// What is held at the worst moment.
+    pub fn peak(&self) -> u64 {
+        self.held() + self.reading.max(self.densifying)
+    }
+}
+
+/// The room that training starts with.
+pub(super) fn start_capacity(
+    gpu: &Gpu,
+    n: usize,
+    supervision: &Supervision,
+    config: &Config,
+) -> Capacity {
+    let views = supervision.real.iter().chain(&supervision.virtual_views);
+    let views: Vec<ViewUniform> = views.map(|view| uniform(view, config)).collect();
+    Capacity::new(n, first_pairs(gpu, n), &views)
+}
+
+/// A view as the kernels take it.
+pub(super) fn uniform(view: &TrainingView, config: &Config) -> ViewUniform {
+    let model = &config.model;
+    ViewUniform::new(&view.camera, model.near, model.background)
+}
+
+/// Entries a plane for `n` Gaussians and some that will come, so that buffers need not follow
+/// every plan.
+pub(super) fn with_room(n: usize, most: usize) -> usize {
+    (n + n / 4).min(most).max(n)
+}
