@@ -391,8 +391,7 @@ fn masked_virtual_views_keep_the_pixels_whose_points_cameras_see() {
         let supports = seen.measure(cameras, &config.splat).unwrap();
         let mut total = 0;
         for (view, support) in prepared.supervision.virtual_views.iter().zip(supports) {
-            let mut texels = Vec::new();
-            view.goal.unpack(&mut texels);
+            let texels = view.goal.texels();
             let n_set = texels.iter().filter(|texel| **texel != 0).count();
             let share = match mask_angle_deg {
                 Some(_) => support.coverage * support.visible_share,
