@@ -95,11 +95,11 @@ pub fn write(folder: &Path, adapter: &str, peak: f64, figures: &[Figure]) -> Res
     Ok(())
 }
 
-/// Sizes and values of one figure.
+/// Sizes and values of one figure, where they were long enough to be measured.
 fn series(figures: &[Figure], sweep: &str, what: &str) -> Vec<(f64, f64)> {
     let of = figures
         .iter()
-        .filter(|f| f.sweep == sweep && f.what == what);
+        .filter(|f| f.sweep == sweep && f.what == what && f.value > 0.0);
     of.map(|f| (f.size, f.value)).collect()
 }
 
