@@ -40,8 +40,8 @@ pub struct TrainArgs {
     #[arg(long, value_name = "RUN")]
     out: Option<PathBuf>,
 
-    /// Preset to start from: `paper`, the method, or `3dgs`, its baseline without virtual views
-    /// and coverage rules [default: paper]
+    /// Preset to start from: `paper`, the method, `3dgs`, its baseline without virtual views
+    /// and coverage rules, or another of `gspotential presets` [default: paper]
     #[arg(long, value_name = "NAME", conflicts_with = "config")]
     preset: Option<String>,
 

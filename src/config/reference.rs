@@ -31,6 +31,13 @@ pub fn summary(preset: &str) -> &'static str {
         "paper" => "the method: virtual views, coverage-aware pruning and densification",
         "3dgs" => "the baseline: the same cloud and settings, no virtual views, no coverage rules",
         "gspotential" => "the parts beyond the paper in place of densification and coverage rules",
+        "instantsplat" => {
+            "InstantSplat's settings: refined poses, high rates, no densification, no virtual views"
+        }
+        "dropgaussian" => "DropGaussian's settings: 3dgs with uniform dropout, slow densification",
+        "d2gs" => {
+            "D2GS's settings: as dropgaussian, guided by depth and density; no far-field loss"
+        }
         "ablation-virtual" => {
             "ablation: virtual views between photographs, no field, no coverage rules"
         }
