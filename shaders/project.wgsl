@@ -30,7 +30,7 @@ fn project(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups:
     let g2 = geometry[2u * stride + id];
     let g = Gaussian(g0.xyz, g0.w, g1.xyz, g2);
     splats[stride + id] = vec4f(0.0);
-    if (is_dropped(view, id)) {
+    if (is_dropped(view, id, g.mean, g1.w)) {
         return;
     }
 

@@ -222,10 +222,25 @@ pub struct LossConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DropoutConfig {
-    /// Probability at the end; it rises linearly from 0. In every iteration each Gaussian is left
+    /// Probability at the start.
+    pub rate_start: f64,
+    /// Probability at the end, to which it goes linearly. In every iteration each Gaussian is left
     /// out of both views' renders with this probability, and the opacity of the others is
     /// divided by one less it (DropGaussian, Park et al. 2025). The file needs no correction.
     pub rate_end: f64,
+    /// Above 0 here or below, each Gaussian has a share of its own in that probability: this times
+    /// its nearness to the camera, 0 to 1, and, all of it, times 0.7 and 0.3 in the middle and far
+    /// third; the others keep their opacity (D2GS, Song et al. 2026).
+    pub depth_weight: f64,
+    /// And this times how crowded it is, 0 to 1, by the mean distance to its six nearest others.
+    pub density_weight: f64,
+}
+
+impl DropoutConfig {
+    /// Whether Gaussians have shares of their own.
+    pub fn is_guided(&self) -> bool {
+        self.depth_weight > 0.0 || self.density_weight > 0.0
+    }
 }
 
 /// Refinement of the training cameras' poses with the Gaussians. The field and the virtual views are

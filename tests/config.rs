@@ -88,6 +88,49 @@ fn own_preset_differs_from_the_paper_in_its_parts_alone() {
     assert_eq!(told, expected);
 }
 
+/// Settings as published, but for the scale of the loss.
+#[test]
+fn presets_of_other_systems_differ_from_the_baseline_in_what_their_sources_say() {
+    let told = |name: &str| -> Vec<String> {
+        let [config, baseline] = [name, "3dgs"].map(|name| Config::preset(name).unwrap());
+        let differences = config.differences(&baseline).unwrap().into_iter();
+        differences
+            .map(|(key, a, _)| format!("{key}={a}"))
+            .collect()
+    };
+    assert_eq!(
+        told("instantsplat"),
+        [
+            "densify.enabled=false",
+            "iterations=1000",
+            "optimizer.mean_lr_end=0.00013723",
+            "optimizer.rotation_lr=0.01",
+            "optimizer.scale_lr=0.05",
+            "optimizer.sh_lr=0.025",
+            "poses.refine=true",
+            "poses.shift_lr=0.0001",
+            "poses.turn_lr=0.0002",
+        ]
+    );
+    let slow = [
+        "densify.end=10000",
+        "densify.gradient_threshold=0.0004166666666666667",
+        "densify.max_scale=1000000000.0",
+        "densify.max_screen=1000000000.0",
+        "densify.opacity_reset_end=10000",
+    ];
+    let ssim = ["loss.ssim_weight=0.16666666666666666"];
+    let uniform = ["dropout.rate_end=0.2"];
+    assert_eq!(told("dropgaussian"), [&slow[..], &uniform, &ssim].concat());
+    let guided = [
+        "dropout.density_weight=0.85",
+        "dropout.depth_weight=0.15",
+        "dropout.rate_end=0.5",
+        "dropout.rate_start=0.05",
+    ];
+    assert_eq!(told("d2gs"), [&slow[..], &guided, &ssim].concat());
+}
+
 /// Table 2 of the paper: what each row has that the row under it in the list lacks.
 #[test]
 fn ablation_presets_add_one_part_each_to_another() {
@@ -289,7 +332,10 @@ fn values_out_of_range_are_refused_with_key_and_value() {
         "loss.fill_weight=1.1",
         "shell.count=99",
         "shell.radius=1",
+        "dropout.rate_start=1",
         "dropout.rate_end=1",
+        "dropout.depth_weight=1.1",
+        "dropout.density_weight=-0.1",
         "poses.turn_lr=-1",
         "poses.shift_lr=1",
         "poses.rate_left=0",

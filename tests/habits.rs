@@ -93,7 +93,7 @@ fn presets_are_listed_with_their_differences() {
     let folder = tempfile::tempdir().unwrap();
     let text = stdout(folder.path(), "presets");
     assert!(
-        text.contains("| views.count") && !text.contains("loss.ssim_weight"),
+        text.contains("| views.count") && !text.contains("field.sigma"),
         "{text}"
     );
     let text = stdout(folder.path(), "presets --keys");

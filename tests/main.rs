@@ -23,6 +23,7 @@ mod hard;
 mod memory;
 mod metrics;
 mod page;
+mod peers;
 mod plot;
 mod policy;
 mod poses;

@@ -1,12 +1,15 @@
 //! Training poses that are off are refined with the Gaussians; without the switch nothing moves.
 
+use std::process::Command;
+
 use gspotential::camera::{Camera, Frame};
+use gspotential::cameras_json::read_cameras;
 use gspotential::config::Config;
 use gspotential::eval::PoseErrors;
-use gspotential::pipeline::prepare;
-use gspotential::run::Seconds;
-use gspotential::scene::Scene;
+use gspotential::pipeline::{load_scene, prepare};
+use gspotential::run::{RunDir, Seconds};
 use gspotential::scene::builtin::{BuiltinOptions, scene};
+use gspotential::scene::{LoadOptions, Scene, SceneSource};
 use gspotential::train::{Observer, PoseAdam, Trained, Trainer, pose_rates};
 
 use crate::gpu::rig::context;
@@ -151,4 +154,40 @@ fn adam_steps_against_the_gradient_by_its_rate_and_rates_fall_to_their_share() {
     assert_eq!(pose_rates(&config, 0, 1000), [2e-3, 5e-4]);
     let [turn, shift] = pose_rates(&config, 500, 1000);
     assert!((turn - 2e-4).abs() < 1e-12 && (shift - 5e-5).abs() < 1e-12);
+}
+
+#[test]
+fn a_run_with_refined_poses_writes_them_and_is_measured_in_its_frame() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let gspotential = |line: &str| {
+        let output = Command::new(env!("CARGO_BIN_EXE_gspotential"))
+            .args(line.split_whitespace())
+            .current_dir(folder.path())
+            .output()
+            .expect("starts");
+        assert!(output.status.success(), "{output:?}");
+    };
+    gspotential(
+        "train --scene builtin:48 --iterations 30 --max-points 400 --set views.count=4 \
+         --set field.n_candidates=128 --set scene.n_test=1 --refine-poses --out run",
+    );
+    let run = RunDir::open(&folder.path().join("run")).expect("a run");
+    assert!(run.config().expect("a config").poses.refine);
+    let source = SceneSource::Builtin { width: 48 };
+    let options = LoadOptions::new(&run.config().expect("a config"));
+    let scene = load_scene(&source, &options).expect("loads");
+    let frame = frame_of(&scene);
+    let written = read_cameras(&run.cameras()).expect("cameras");
+    let changes = run.metrics().expect("metrics").refined_poses;
+    assert_eq!(changes.len(), scene.train.len());
+    for (change, view) in changes.iter().zip(&scene.train) {
+        let mut own = written.iter().filter(|c| c.name == view.camera.name);
+        let (turn, shift) = own.next().expect("there").difference(&view.camera);
+        assert!(own.next().is_none() && change.view == view.camera.name);
+        assert!(turn > 1e-4 && (turn.to_degrees() - change.turn_deg).abs() < 1e-4);
+        assert!((shift / frame.radius - change.shift).abs() < 1e-6);
+    }
+    let before = run.evaluation().expect("measured").mean;
+    gspotential("eval run --again");
+    assert_eq!(run.evaluation().expect("measured").mean, before);
 }

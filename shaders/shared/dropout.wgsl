@@ -1,6 +1,9 @@
 // Dropout (Park et al. 2025, "DropGaussian"): each Gaussian is left out with probability p, and the
 // opacity of the others is divided by 1 - p. Which ones is a hash of their index and of a key of
 // the iteration, so that forward and backward agree and a step can be repeated.
+//
+// Guided by depth and density (Song et al. 2026, "D2GS"), a Gaussian has a share of p of its own, and
+// the others keep their opacity.
 
 // PCG hash (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering").
 fn pcg(v: u32) -> u32 {
@@ -9,11 +12,17 @@ fn pcg(v: u32) -> u32 {
     return (word >> 22u) ^ word;
 }
 
-fn is_dropped(view: View, id: u32) -> bool {
-    return pcg(pcg(id) ^ view.counts.w) < view.counts.z;
+// `density`: the Gaussian's score.
+fn is_dropped(view: View, id: u32, mean: vec3f, density: f32) -> bool {
+    let d = distance(mean, view.center_near.xyz);
+    let layer = select(select(0.3, 0.7, d <= view.drop_layers.y), 1.0, d <= view.drop_layers.x);
+    let share = layer * (view.drop_share.x + view.drop_share.y * d + view.drop_share.z * density);
+    // Exact without a guide.
+    let threshold = select(u32(f32(view.counts.z) * saturate(share)), view.counts.z, view.drop_share.w == 1.0);
+    return pcg(pcg(id) ^ view.counts.w) < threshold;
 }
 
 // 1 - p; exactly 1 without dropout.
 fn kept_share(view: View) -> f32 {
-    return 1.0 - f32(view.counts.z) / 4294967296.0;
+    return 1.0 - view.drop_share.w * f32(view.counts.z) / 4294967296.0;
 }

@@ -1,4 +1,4 @@
-// One rendered view: camera in the canonical frame, image and buffer sizes. 160 bytes.
+// One rendered view: camera in the canonical frame, image and buffer sizes. 192 bytes.
 struct View {
     // Rows of world-to-camera [R | t].
     w2c_x: vec4f,
@@ -19,6 +19,11 @@ struct View {
     counts: vec4u,
     // x: pixels a plane of the padded image / 4, y: vec4s a row, z: this view's slot in the step.
     planes: vec4u,
+    // A Gaussian's share of the dropout's probability: x + y distance + z density; w: 1 where the
+    // others' opacity makes up for those left out.
+    drop_share: vec4f,
+    // Distances from the optical centre up to which that share counts in full (x) and at 0.7 (y).
+    drop_layers: vec4f,
 }
 
 // Colour, transmittance and gradients of four pixels side by side are one vec4f, so an image

@@ -36,15 +36,14 @@ impl PresetsArgs {
     }
 }
 
-/// A row a preset, a column a key whose value they do not share.
+/// A row a key whose value the presets do not share, a column a preset.
 fn difference_table(keys: &[Key]) -> Table {
-    let differing: Vec<&Key> = keys.iter().filter(|key| key.differs()).collect();
-    let names = differing.iter().map(|key| key.key.as_str());
-    let header: Vec<&str> = std::iter::once("preset").chain(names).collect();
+    let names = PRESETS.iter().map(|(name, _)| *name);
+    let header: Vec<&str> = std::iter::once("key").chain(names).collect();
     let mut table = Table::new(&header);
-    for (i, (name, _)) in PRESETS.iter().enumerate() {
-        let values = differing.iter().map(|key| key.values[i].to_string());
-        let row: Vec<String> = std::iter::once((*name).to_owned()).chain(values).collect();
+    for key in keys.iter().filter(|key| key.differs()) {
+        let values = key.values.iter().map(ToString::to_string);
+        let row: Vec<String> = std::iter::once(key.key.clone()).chain(values).collect();
         table.row(&row);
     }
     table

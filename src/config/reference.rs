@@ -33,6 +33,13 @@ pub fn summary(preset: &str) -> &'static str {
         "gspotential" => {
             "our best: visibility-weighted views, carving, filled holes, a far shell; no densification"
         }
+        "instantsplat" => {
+            "InstantSplat's settings: refined poses, high rates, no densification, no virtual views"
+        }
+        "dropgaussian" => "DropGaussian's settings: 3dgs with uniform dropout, slow densification",
+        "d2gs" => {
+            "D2GS's settings: as dropgaussian, guided by depth and density; no far-field loss"
+        }
         "ablation-virtual" => {
             "ablation: virtual views between photographs, no field, no coverage rules"
         }

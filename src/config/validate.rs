@@ -94,13 +94,22 @@ impl Config {
     }
 
     fn validate_dropout(&self) -> Result<()> {
-        let rate = self.dropout.rate_end;
-        ensure(
-            (0.0..1.0).contains(&rate),
-            "dropout.rate_end",
-            rate,
-            "at least 0 and below 1",
-        )
+        let dropout = &self.dropout;
+        for (key, rate) in [
+            ("dropout.rate_start", dropout.rate_start),
+            ("dropout.rate_end", dropout.rate_end),
+        ] {
+            ensure(
+                (0.0..1.0).contains(&rate),
+                key,
+                rate,
+                "at least 0 and below 1",
+            )?;
+        }
+        within("dropout.depth_weight", dropout.depth_weight, 0.0..=1.0)?;
+        // The shares are probabilities.
+        let most = 1.0 - dropout.depth_weight;
+        within("dropout.density_weight", dropout.density_weight, 0.0..=most)
     }
 
     fn validate_poses(&self) -> Result<()> {

@@ -15,6 +15,7 @@ use crate::render::{
     Bound, Capacity, Kernels, LossUniform, Model, Pass, PoseKernels, Rendered, ViewUniform,
     Workspace, read_rendered, read_totals,
 };
+use crate::train::guide::Guide;
 use crate::train::optimizer::OptimizerKernels;
 
 /// An adapter with every kernel.
@@ -97,7 +98,20 @@ impl Rig {
     /// there and must not matter.
     pub fn of_twin(ctx: &Context, gaussians: &TwinGaussians, camera: &TwinCamera) -> Result<Rig> {
         let degree = gaussians.sh_degree as u32;
-        Self::new(ctx, &gaussians_of(gaussians, 3), view_of(camera), degree)
+        let own = gaussians_of(gaussians, 3);
+        let mut view = view_of(camera);
+        let guide = camera.dropout.as_ref().and_then(|d| d.guide.as_ref());
+        if let (Some(twin), Some(guide)) =
+            (guide, Guide::of(camera_of(camera).center(), &own.means))
+        {
+            view = guide.applied(twin.weights, view);
+        }
+        let rig = Self::new(ctx, &own, view, degree)?;
+        if let Some(guide) = guide {
+            let densities: Vec<f32> = guide.densities.iter().map(|d| *d as f32).collect();
+            rig.model.set_densities(&ctx.gpu, &densities)?;
+        }
+        Ok(rig)
     }
 
     /// The view's stages, to be recorded.
@@ -313,7 +327,7 @@ pub fn twin_of(camera: &Camera, near: f64) -> TwinCamera {
 pub fn view_of(twin: &TwinCamera) -> ViewUniform {
     let view = ViewUniform::new(&camera_of(twin), twin.near, twin.background);
     match twin.dropout {
-        Some(TwinDropout { threshold, key }) => {
+        Some(TwinDropout { threshold, key, .. }) => {
             view.with_dropout(f64::from(threshold) / 2f64.powi(32), key)
         }
         None => view,

@@ -8,7 +8,7 @@ use super::rig::{Context, Rig};
 use crate::error::Result;
 use crate::gpu::Commands;
 use crate::reference::cases::{TwinCase, huge, layers, loss_weights, needles, random_scene};
-use crate::reference::dropout::TwinDropout;
+use crate::reference::dropout::{TwinDropout, TwinGuide};
 use crate::reference::model::{TwinCamera, TwinGaussians};
 use crate::reference::raster::{backward, render};
 use crate::reference::tolerance;
@@ -72,7 +72,27 @@ pub fn dropout_case(case: &TwinCase, percent: u32, key: u32) -> ViewCase {
     let name = format!("dropout {percent} %");
     let mut view = ViewCase::new(&name, case, 1, (61, 47), ORDINARY);
     let threshold = u32::MAX / 100 * percent;
-    view.camera.dropout = Some(TwinDropout { threshold, key });
+    let guide = None;
+    view.camera.dropout = Some(TwinDropout {
+        threshold,
+        key,
+        guide,
+    });
+    view
+}
+
+/// The same, guided by depth and density.
+pub fn guided_dropout_case(case: &TwinCase, percent: u32, key: u32) -> ViewCase {
+    let mut view = dropout_case(case, percent, key);
+    view.name += ", guided";
+    let means = &view.gaussians.means;
+    let n = means.len() as f64;
+    let densities = (0..means.len()).map(|i| f64::from((i as f64 / n) as f32));
+    let weights = [0.5, 0.5];
+    let guide = TwinGuide::new(weights, densities.collect(), means, &view.camera.center());
+    if let Some(dropout) = &mut view.camera.dropout {
+        dropout.guide = Some(guide);
+    }
     view
 }
 
@@ -98,6 +118,7 @@ pub fn small_cases() -> Vec<ViewCase> {
         ViewCase::new("equal depths", &layers(8, 40, 7), 0, (81, 53), ORDINARY),
         ViewCase::new("needles", &needles(80, 8), 0, (160, 104), NEEDLES),
         dropout_case(&ordinary(2, 9), 40, 1),
+        guided_dropout_case(&ordinary(2, 9), 90, 1),
     ]
 }
 

@@ -221,7 +221,7 @@ fn initial_opacity_logits(cloud: &PointCloud, config: &ModelConfig) -> Result<Ve
 /// Root mean square distance to the three nearest other points, bounded; one a mean.
 fn initial_scales(means: &[Vec3], max_ratio: f64) -> Vec<f64> {
     let floor = MIN_SQUARED_DISTANCE.sqrt();
-    let mut scales: Vec<f64> = neighbor_distances(means)
+    let mut scales: Vec<f64> = mean_over_nearest(means, 3, |squared| squared)
         .into_iter()
         .map(|d| d.map_or(LONE_SCALE, f64::sqrt).max(floor))
         .collect();
@@ -236,12 +236,12 @@ fn initial_scales(means: &[Vec3], max_ratio: f64) -> Vec<f64> {
     scales
 }
 
-/// Mean squared distance of every point to its three nearest others (fewer where there are not
-/// so many), or `None` for a point alone.
+/// Mean of what `of` makes of the squared distances of every point to its `k` nearest others (fewer
+/// where there are not so many), or `None` for a point alone.
 ///
 /// Points that coincide are one entry with a count in the tree: a search among many at one
 /// place would visit them all.
-fn neighbor_distances(points: &[Vec3]) -> Vec<Option<f64>> {
+pub fn mean_over_nearest(points: &[Vec3], k: usize, of: fn(f64) -> f64) -> Vec<Option<f64>> {
     // Adding 0 makes -0 the same as 0.
     let key = |i: &u32| points[*i as usize].to_array().map(|v| (v + 0.0).to_bits());
     let mut order: Vec<u32> = (0..points.len() as u32).collect();
@@ -262,10 +262,10 @@ fn neighbor_distances(points: &[Vec3]) -> Vec<Option<f64>> {
             let mut sum = 0.0;
             for (other, squared) in tree.nearest_neighbor_iter_with_distance_2(position(place)) {
                 let count = other.data - usize::from(squared == 0.0);
-                let taken = count.min(3 - n);
-                sum += taken as f64 * squared;
+                let taken = count.min(k - n);
+                sum += taken as f64 * of(squared);
                 n += taken;
-                if n == 3 {
+                if n == k {
                     break;
                 }
             }

@@ -1,19 +1,67 @@
 //! Dropout: which Gaussians a view leaves out, and what the others' opacity is multiplied by.
 
+use super::linalg::{Vec3, dot, sub};
+
 /// Probability in steps of 2^-32, and the key that decides which.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct TwinDropout {
     pub threshold: u32,
     pub key: u32,
+    pub guide: Option<TwinGuide>,
+}
+
+/// What guides it by depth and density (Song et al. 2026, eqs. 1 and 2).
+#[derive(Clone, Debug)]
+pub struct TwinGuide {
+    /// Of depth and of density.
+    pub weights: [f64; 2],
+    /// A Gaussian's density, 0 to 1.
+    pub densities: Vec<f64>,
+    /// A Gaussian's share of the probability.
+    shares: Vec<f64>,
+}
+
+impl TwinGuide {
+    /// For a camera at `center`.
+    pub fn new(weights: [f64; 2], densities: Vec<f64>, means: &[Vec3], center: &Vec3) -> TwinGuide {
+        let distance = |mean: &Vec3| {
+            let offset = sub(mean, center);
+            dot(&offset, &offset).sqrt()
+        };
+        let distances: Vec<f64> = means.iter().map(distance).collect();
+        let mut sorted = distances.clone();
+        sorted.sort_by(f64::total_cmp);
+        let n = sorted.len();
+        let (first, last) = (sorted[0], sorted[n - 1]);
+        let share = |(d, density): (&f64, &f64)| {
+            let score = weights[0] * (last - d) / (last - first) + weights[1] * density;
+            let layer = if *d <= sorted[n / 3] {
+                1.0
+            } else if *d <= sorted[2 * n / 3] {
+                0.7
+            } else {
+                0.3
+            };
+            layer * score
+        };
+        TwinGuide {
+            shares: distances.iter().zip(&densities).map(share).collect(),
+            weights,
+            densities,
+        }
+    }
 }
 
 impl TwinDropout {
-    /// Factor of Gaussian `i`'s opacity: 0 where it is left out, else 1 / (1 - p).
+    /// Factor of Gaussian `i`'s opacity: 0 where it is left out, else 1 / (1 - p), or 1 with a guide.
     pub fn factor(&self, i: usize) -> f64 {
-        if pcg(pcg(i as u32) ^ self.key) < self.threshold {
-            return 0.0;
-        }
-        1.0 / (1.0 - f64::from(self.threshold) / 2f64.powi(32))
+        let hash = f64::from(pcg(pcg(i as u32) ^ self.key));
+        let threshold = f64::from(self.threshold);
+        let (threshold, kept) = match &self.guide {
+            Some(guide) => (threshold * guide.shares[i], 1.0),
+            None => (threshold, 1.0 - threshold / 2f64.powi(32)),
+        };
+        if hash < threshold { 0.0 } else { 1.0 / kept }
     }
 }
 

@@ -72,7 +72,9 @@ impl TwinCamera {
 
     /// What Gaussian `i`'s opacity is multiplied by.
     pub fn opacity_factor(&self, i: usize) -> f64 {
-        self.dropout.map_or(1.0, |dropout| dropout.factor(i))
+        self.dropout
+            .as_ref()
+            .map_or(1.0, |dropout| dropout.factor(i))
     }
 
     /// The same view at another size: intrinsics scale with it.

@@ -10,7 +10,8 @@ pub const BLOCK_PLANES: [usize; 4] = [3, 3, 4, 5];
 
 /// Parameter blocks (or Adam moments of the same shape), `[plane][stride]` of `vec4f` each.
 ///
-/// Geometry planes: `mean.xyz, opacity_logit`; `scale_log.xyz, 0`; `rotation_wxyz`. SH planes:
+/// Geometry planes: `mean.xyz, opacity_logit`; `scale_log.xyz, density`, which guides
+/// dropout alone; `rotation_wxyz`. SH planes:
 /// float `3k + c` of a Gaussian is coefficient `k` of channel `c`, four floats a plane.
 pub struct Model {
     pub n: usize,
@@ -81,6 +82,28 @@ impl Model {
         Ok(model)
     }
 
+    /// Reads the means back.
+    ///
+    /// # Errors
+    /// A GPU fault.
+    pub fn means(&self, gpu: &Gpu) -> Result<Vec<glam::Vec3>> {
+        let plane: Vec<[f32; 4]> = self.blocks[0].read(gpu, self.n)?;
+        Ok(plane.iter().map(xyz).collect())
+    }
+
+    /// Writes the density of every Gaussian.
+    ///
+    /// # Errors
+    /// A GPU fault.
+    pub fn set_densities(&self, gpu: &Gpu, densities: &[f32]) -> Result<()> {
+        let mut geometry: Vec<[f32; 4]> = self.blocks[0].read(gpu, 3 * self.stride)?;
+        for (scale, density) in geometry[self.stride..].iter_mut().zip(densities) {
+            scale[3] = *density;
+        }
+        self.blocks[0].write(gpu, &geometry);
+        Ok(())
+    }
+
     /// Reads the Gaussians back.
     pub fn download(&self, gpu: &Gpu) -> Result<Gaussians> {
         let (n, stride) = (self.n, self.stride);
@@ -105,7 +128,6 @@ impl Model {
             }
             first += 4 * n_planes;
         }
-        let xyz = |v: &[f32; 4]| glam::Vec3::new(v[0], v[1], v[2]);
         Ok(Gaussians {
             means: geometry[..n].iter().map(xyz).collect(),
             opacity_logits: geometry[..n].iter().map(|v| v[3]).collect(),
@@ -115,6 +137,10 @@ impl Model {
             sh_degree: self.sh_degree,
         })
     }
+}
+
+fn xyz(v: &[f32; 4]) -> glam::Vec3 {
+    glam::Vec3::new(v[0], v[1], v[2])
 }
 
 /// Most Gaussians of a degree whose every block the adapter can bind.

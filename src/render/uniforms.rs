@@ -22,6 +22,8 @@ pub struct ViewUniform {
     pub size: [u32; 4],
     pub counts: [u32; 4],
     pub planes: [u32; 4],
+    pub drop_share: [f32; 4],
+    pub drop_layers: [f32; 4],
 }
 
 impl ViewUniform {
@@ -74,6 +76,8 @@ impl ViewUniform {
             counts: [0; 4],
             // An image too large for its index is too large for every buffer, too.
             planes: [width_4.saturating_mul(padded_height), width_4, 0, 0],
+            drop_share: [1.0, 0.0, 0.0, 1.0],
+            drop_layers: [f32::INFINITY, f32::INFINITY, 0.0, 0.0],
         }
     }
 
@@ -83,6 +87,15 @@ impl ViewUniform {
     pub fn with_dropout(mut self, rate: f64, key: u32) -> ViewUniform {
         self.counts[2] = (rate * 2f64.powi(32)) as u32;
         self.counts[3] = key;
+        self
+    }
+
+    /// The same view with every Gaussian's probability multiplied by `x + y distance + z density`,
+    /// at 0.7 beyond the first and 0.3 beyond the second of the `layers`, distances from the
+    /// camera; the others keep their opacity (D2GS, Song et al. 2026).
+    pub fn with_guided_dropout(mut self, [x, y, z]: [f64; 3], layers: [f64; 2]) -> ViewUniform {
+        self.drop_share = [x as f32, y as f32, z as f32, 0.0];
+        self.drop_layers = [layers[0] as f32, layers[1] as f32, 0.0, 0.0];
         self
     }
 

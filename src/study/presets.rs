@@ -14,7 +14,14 @@ use crate::run::CurvePoint;
 use crate::stats::Figure;
 
 /// The baseline first: gains are over it.
-const PRESETS: [&str; 3] = ["3dgs", "paper", "gspotential"];
+const PRESETS: [&str; 6] = [
+    "3dgs",
+    "instantsplat",
+    "dropgaussian",
+    "d2gs",
+    "paper",
+    "gspotential",
+];
 
 /// Points of a curve, the start aside.
 const N_CURVE: u32 = 10;

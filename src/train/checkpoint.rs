@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::guide::Guide;
 use super::optimizer::Optimizer;
 use super::refine::RefinedPose;
 use super::supervision::{Supervision, TrainingView};
@@ -31,6 +32,8 @@ pub struct State {
     pub plans: Vec<PlanRecord>,
     /// Of the training cameras, where they are refined.
     pub poses: Option<Vec<RefinedPose>>,
+    /// Of the views, where dropout is guided.
+    pub guides: Vec<Guide>,
 }
 
 impl State {
@@ -54,6 +57,7 @@ impl Trainer<'_> {
             samples: self.samples.clone(),
             plans: self.plans.clone(),
             poses: self.poses().cloned(),
+            guides: self.guides.clone(),
         }
     }
 
@@ -106,6 +110,7 @@ impl Trainer<'_> {
         }
         self.done = state.done;
         self.samples = state.samples;
+        self.guides = state.guides;
         self.plans = state.plans;
         if let Some(poses) = state.poses {
             self.set_poses(poses);

@@ -4,10 +4,12 @@
 //! [`policy`] decides on the CPU which Gaussians come and go, [`trainer`] runs the loop, and
 //! [`checkpoint`] takes it apart and puts it together again between two iterations. [`supervision`]
 //! is what they learn from, [`memory`] says what that takes, [`shell`] is a background of Gaussians
-//! beyond the scene, and [`pose_adam`] moves cameras, where they are refined.
+//! beyond the scene, [`pose_adam`] moves cameras, where they are refined, and [`guide`] chooses whom
+//! dropout leaves out.
 
 pub mod checkpoint;
 mod goal;
+pub mod guide;
 pub mod memory;
 pub mod optimizer;
 pub mod policy;

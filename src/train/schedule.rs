@@ -68,13 +68,14 @@ pub fn sh_degree(config: &Config, iteration: u32) -> u32 {
     (iteration / config.model.sh_interval.max(1)).min(config.model.sh_degree)
 }
 
-/// Rate and key of the dropout at `iteration` (from 0): `p = rate_end iteration / iterations`
-/// (DropGaussian).
+/// Rate and key of the dropout at `iteration` (from 0): `p` goes from `rate_start` to `rate_end` as
+/// `iteration / iterations` does from 0 to 1 (DropGaussian from 0; D2GS).
 pub fn dropout(config: &Config, iteration: u32) -> (f64, u32) {
     let progress = f64::from(iteration) / f64::from(config.iterations.max(1));
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
     rng.set_stream(DROPOUT_STREAM << 32 | u64::from(iteration));
-    (config.dropout.rate_end * progress, rng.next_u32())
+    let (start, end) = (config.dropout.rate_start, config.dropout.rate_end);
+    (start + (end - start) * progress, rng.next_u32())
 }
 
 /// Whether densification follows after `done` iterations (3DGS).

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
+use super::guide::Guide;
 use super::memory::{start_capacity, uniform};
 use super::optimizer::{Optimizer, OptimizerKernels, StepUniform};
 use super::policy::{self, Surroundings};
@@ -136,7 +137,7 @@ pub struct Trainer<'a> {
     pub(super) supervision: &'a Supervision,
     pub(super) config: &'a Config,
     pub(super) real: Vec<ViewUniform>,
-    virtual_views: Vec<ViewUniform>,
+    pub(super) virtual_views: Vec<ViewUniform>,
     real_order: ViewOrder,
     virtual_order: ViewOrder,
     pub(super) optimizer: Optimizer,
@@ -144,6 +145,8 @@ pub struct Trainer<'a> {
     bound: Bound,
     adam: Vec<Vec<wgpu::BindGroup>>,
     pub(super) refinement: Option<Refinement>,
+    /// Of the real, then of the virtual views, where dropout is guided.
+    pub(super) guides: Vec<Guide>,
     /// A view's, unpacked.
     goal: Vec<u32>,
     /// Number of finished iterations, where the run starts or has last been kept.
@@ -199,6 +202,7 @@ impl<'a> Trainer<'a> {
             bound,
             adam,
             refinement,
+            guides: Vec::new(),
             goal: Vec::new(),
             done: 0,
             samples: Vec::new(),
@@ -240,6 +244,7 @@ impl<'a> Trainer<'a> {
             observer.inspect(done, &self.optimizer.model)?;
         }
         while done < config.iterations {
+            self.guide(done)?;
             let times = observer.times(done + 1);
             let profile = if times { observer.profile() } else { None };
             let views = self.step(done, profile);
@@ -299,14 +304,17 @@ impl<'a> Trainer<'a> {
         // There is at least one real view.
         let real = self.real_order.view(iteration).unwrap_or(0);
         let virtual_view = self.virtual_order.view(iteration);
-        let (dropout, key) = schedule::dropout(config, iteration);
+        let dropout = schedule::dropout(config, iteration);
         let mut commands = Commands::profiled(self.gpu, profile);
         let mut centers = Vec::with_capacity(2);
         let chosen = [
-            Some((&self.supervision.real[real], self.real[real])),
-            virtual_view.map(|k| (&self.supervision.virtual_views[k], self.virtual_views[k])),
+            Some((&self.supervision.real[real], self.real[real], real)),
+            virtual_view.map(|k| {
+                let view = &self.supervision.virtual_views[k];
+                (view, self.virtual_views[k], self.real.len() + k)
+            }),
         ];
-        for (slot, (view, uniform)) in chosen.into_iter().flatten().enumerate() {
+        for (slot, (view, uniform, k)) in chosen.into_iter().flatten().enumerate() {
             let scale = [1.0, config.loss.virtual_weight][slot];
             let w = config.loss.ssim_weight;
             let loss = LossUniform::new(view.weight * scale, w, view.total_weight, view.masked);
@@ -318,7 +326,7 @@ impl<'a> Trainer<'a> {
                 &self.workspace,
                 &self.bound,
                 &self.optimizer.model,
-                (slot, uniform.with_dropout(dropout, key)),
+                (slot, self.dropped_out(uniform, k, dropout)),
                 (degree, iteration + 1),
             );
             pass.forward(&mut commands);

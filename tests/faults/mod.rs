@@ -21,7 +21,7 @@ use gspotential::scene::SceneSource;
 use serde_json::Value;
 
 /// A training in which Gaussians are split, pruned and reset within a second or two.
-const SETTINGS: [&str; 17] = [
+const SETTINGS: [&str; 19] = [
     "iterations=60",
     "scene.max_points=100",
     "scene.n_test=1",
@@ -38,6 +38,8 @@ const SETTINGS: [&str; 17] = [
     "coverage.interval=20",
     "loss.fill_weight=0.3",
     "dropout.rate_end=0.3",
+    "dropout.density_weight=0.5",
+    "poses.refine=true",
     "shell.count=100",
 ];
 const CURVE: u32 = 25;

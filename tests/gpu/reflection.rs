@@ -44,7 +44,7 @@ fn host_layouts() -> BTreeMap<&'static str, Layout> {
         (
             "View",
             layout!(ViewUniform: w2c_x, w2c_y, w2c_z, center_near, intrinsics, ratio_bounds,
-                background, size, counts, planes),
+                background, size, counts, planes, drop_share, drop_layers),
         ),
         (
             "Loss",

@@ -161,6 +161,7 @@ fn dropout_leaves_out_or_brightens_and_so_do_the_gradients() {
         dropout: Some(TwinDropout {
             threshold: 1 << 30,
             key: 9,
+            guide: None,
         }),
         ..case.cameras[0].clone()
     };

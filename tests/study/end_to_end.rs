@@ -85,7 +85,7 @@ fn every_study_reports_in_text_numbers_and_pictures_and_trains_nothing_twice() {
         // 3DGS and the paper's are there; the base, 6 with, the whole, 6 without, 2 set aside.
         ("parts", 3 + 6 + 1 + 6 + 2, 1 + 6 + 1 + 6 + 2),
         // With curves, so of their own.
-        ("presets", 3, 3),
+        ("presets", 6, 6),
         // All; 3 degrees, 5 caps, 4 counts, 3 lengths and a half of 32 px.
         ("need", 1 + 3 + 5 + 4 + 3 + 1, 3 + 5 + 4 + 3 + 1),
     ] {

@@ -318,6 +318,7 @@ fn checkpoint_file() -> Folder {
         samples: Vec::new(),
         plans: Vec::new(),
         poses: None,
+        guides: Vec::new(),
     };
     Checkpoints::new(folder.path().to_owned())
         .save(7, &state, std::iter::once(Ok(vec![1, 2, 3, 4])))

@@ -1,0 +1,123 @@
+//! Dropout guided by depth and density (Song et al. 2026, "D2GS", eqs. 1-3): Gaussians that are
+//! near the camera and crowded are left out more often.
+//!
+//! With `d` the distance to the camera and `rho` the mean distance to the six nearest others, less
+//! than zero so that crowded is more, both brought to [0, 1] over all Gaussians, and `t1`, `t2` the
+//! tertiles of `d`, the share of the dropout's rate is
+//!
+//! ```text
+//! P = w_depth (1 - d) + w_density rho,  times 1 up to t1, 0.7 up to t2, 0.3 beyond
+//! ```
+//!
+//! The published program brings `rho` up to date at the start and every 500 iterations, and leaves
+//! the opacity of the others as it is. So does this one, which does the same with the bounds and
+//! tertiles of `d`; new Gaussians have their parent's `rho`.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::trainer::Trainer;
+use crate::error::Result;
+use crate::gaussians::mean_over_nearest;
+use crate::render::ViewUniform;
+
+/// Iterations between two looks at the Gaussians.
+const INTERVAL: u32 = 500;
+
+const N_NEIGHBORS: usize = 6;
+
+/// Least width of what is brought to [0, 1].
+const MIN_SPAN: f64 = 1e-6;
+
+/// Distances of the Gaussians from one camera.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Guide {
+    nearest: f64,
+    farthest: f64,
+    tertiles: [f64; 2],
+}
+
+impl Guide {
+    /// For a camera at `center`; `None` without Gaussians.
+    pub fn of(center: DVec3, means: &[Vec3]) -> Option<Guide> {
+        let distances = means.iter().map(|m| m.as_dvec3().distance(center));
+        let mut distances: Vec<f64> = distances.collect();
+        distances.sort_unstable_by(f64::total_cmp);
+        let n = distances.len();
+        // Between two Gaussians, so that rounding does not move either across.
+        let after = |k: usize| {
+            let next = distances.get(k + 1).unwrap_or(&distances[k]);
+            0.5 * (distances[k] + next)
+        };
+        Some(Guide {
+            nearest: *distances.first()?,
+            farthest: *distances.last()?,
+            tertiles: [after(n / 3), after(2 * n / 3)],
+        })
+    }
+
+    /// The camera's view under this guide, with the weights of depth and density.
+    pub fn applied(&self, [depth, density]: [f64; 2], view: ViewUniform) -> ViewUniform {
+        let per_distance = depth / (self.farthest - self.nearest).max(MIN_SPAN);
+        let share = [depth + per_distance * self.nearest, -per_distance, density];
+        view.with_guided_dropout(share, self.tertiles)
+    }
+}
+
+/// `rho` of every Gaussian.
+pub fn density_scores(means: &[Vec3]) -> Vec<f32> {
+    let spacings = mean_over_nearest(means, N_NEIGHBORS, f64::sqrt);
+    let spacings: Vec<f64> = spacings.into_iter().map(|s| s.unwrap_or(0.0)).collect();
+    let least = spacings.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = spacings.iter().copied().fold(0.0, f64::max);
+    let span = (most - least).max(MIN_SPAN);
+    let score = |s: &f64| ((most - s) / span) as f32;
+    spacings.iter().map(score).collect()
+}
+
+impl Trainer<'_> {
+    /// Looks at the Gaussians where the dropout is guided and it is time, before iteration
+    /// `iteration` (from 0).
+    pub(super) fn guide(&mut self, iteration: u32) -> Result<()> {
+        if !(self.config.dropout.is_guided() && iteration.is_multiple_of(INTERVAL)) {
+            return Ok(());
+        }
+        let means = self.optimizer.model.means(self.gpu)?;
+        // Those of the far shell are no part of the scene.
+        let frozen_beyond = self.supervision.frozen_beyond();
+        let scene = |mean: &&Vec3| mean.length() <= frozen_beyond;
+        let scene: Vec<Vec3> = means.iter().filter(scene).copied().collect();
+        let mut scores = density_scores(&scene).into_iter();
+        let score = |mean: &Vec3| {
+            let own = (mean.length() <= frozen_beyond).then(|| scores.next());
+            own.flatten().unwrap_or(0.0)
+        };
+        let scores: Vec<f32> = means.iter().map(score).collect();
+        self.optimizer.model.set_densities(self.gpu, &scores)?;
+        let views = self.real.par_iter().chain(&self.virtual_views);
+        let guide = |view: &ViewUniform| {
+            let [x, y, z, _] = view.center_near.map(f64::from);
+            Guide::of(DVec3::new(x, y, z), &scene)
+        };
+        self.guides = views.filter_map(guide).collect();
+        Ok(())
+    }
+
+    /// View `k` of all, the real ones first, with the dropout of an iteration.
+    pub(super) fn dropped_out(
+        &self,
+        view: ViewUniform,
+        k: usize,
+        (rate, key): (f64, u32),
+    ) -> ViewUniform {
+        let view = view.with_dropout(rate, key);
+        match self.guides.get(k) {
+            Some(guide) => {
+                let config = &self.config.dropout;
+                guide.applied([config.depth_weight, config.density_weight], view)
+            }
+            None => view,
+        }
+    }
+}
