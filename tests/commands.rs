@@ -48,7 +48,7 @@ fn a_run_holds_what_the_readme_says_and_can_be_evaluated_and_rendered() {
     let log = String::from_utf8(output.stderr).unwrap();
     assert!(log.contains("adapter: ") && log.contains("5/5 "), "{log}");
 
-    let root = "runs/builtin-paper-seed3";
+    let root = "runs/builtin-gspotential-seed3";
     assert_eq!(
         file_names(&at(root)),
         [
@@ -77,7 +77,8 @@ fn a_run_holds_what_the_readme_says_and_can_be_evaluated_and_rendered() {
         psnr > 5.0 && trained["mean"]["lpips"].is_null(),
         "{trained}"
     );
-    assert_eq!(trained["n_gaussians"], 200);
+    // Those of the far shell are in the file, too.
+    assert_eq!(trained["n_gaussians"], 200 + 500);
 
     // What is measured again is what was measured: both start from the file.
     let image = fs::read(at(root).join("test/test_00.png")).unwrap();
@@ -346,7 +347,7 @@ fn runs_are_compared_in_one_table_and_measured_again_only_where_something_change
     assert!(!log.contains("measuring"), "{log}");
     for part in [
         "builtin (48x32, 2 test views)",
-        "| paper (views.count=6) |",
+        "| gspotential (views.count=6) |",
         "2 iterations",
     ] {
         assert!(table.contains(part), "no `{part}` in:\n{table}");

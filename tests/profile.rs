@@ -8,7 +8,7 @@ use gspotential::report::profile_tables;
 use gspotential::run::{RunDir, RunProfile};
 
 /// Changes of the set of Gaussians and resets among its iterations.
-const TRAIN: &str = "train --scene builtin:32 --iterations 120 --set views.count=6 --max-points 200 \
+const TRAIN: &str = "train --scene builtin:32 --preset paper --iterations 120 --set views.count=6 --max-points 200 \
                      --set scene.n_test=1 --set densify.start=20 --set densify.interval=20 \
                      --set densify.opacity_reset_interval=40 --log json";
 

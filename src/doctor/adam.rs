@@ -4,7 +4,7 @@
 use super::finding::Findings;
 use super::rig::{Context, gaussians_of, view_of, wide};
 use super::stage;
-use crate::config::{Config, OptimizerConfig, PRESETS};
+use crate::config::{Config, OptimizerConfig};
 use crate::error::Result;
 use crate::gaussians::Gaussians;
 use crate::gpu::Commands;
@@ -27,7 +27,7 @@ const CLASSES: [&str; 5] = ["means", "opacity", "scales", "rotations", "SH"];
 
 /// Large rates, so that what is compared is the change and not the start.
 pub fn config() -> Result<Config> {
-    let mut config = Config::preset(PRESETS[0].0)?;
+    let mut config = Config::preset("paper")?;
     config.iterations = 2 * STEPS;
     config.optimizer = OptimizerConfig {
         mean_lr_start: 0.02,

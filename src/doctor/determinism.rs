@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::rig::Context;
-use crate::config::{Config, PRESETS};
+use crate::config::Config;
 use crate::digest::sha256;
 use crate::error::Result;
 use crate::gaussians::Gaussians;
@@ -25,7 +25,7 @@ pub struct Repeat {
 
 /// The paper's method with everything happening early, on a tiny image of the built-in scene.
 fn config() -> Result<Config> {
-    let mut config = Config::preset(PRESETS[0].0)?;
+    let mut config = Config::preset("paper")?;
     config.iterations = 60;
     config.scene.max_points = Some(400);
     config.field.n_candidates = 256;

@@ -33,7 +33,7 @@ use serde::Serialize;
 use self::determinism::Repeat;
 use self::loss::{Kind, LossCase, MaskKind};
 use self::timing::Timing;
-use crate::config::{Config, PRESETS};
+use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 
@@ -83,7 +83,7 @@ pub fn examine(gpu: Gpu) -> Result<Report> {
         .way_out("update its driver, or use another adapter"));
     }
     let ctx = Context::new(gpu)?;
-    let config = Config::preset(PRESETS[0].0)?;
+    let config = Config::preset("paper")?;
     let mut findings = examine_kernels(&ctx)?;
     let timed = view::timed_case();
     findings.extend(view::examine(&ctx, &timed)?.0.list);

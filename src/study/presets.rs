@@ -26,7 +26,7 @@ const PRESETS: [&str; 6] = [
 /// Points of a curve, the start aside.
 const N_CURVE: u32 = 10;
 
-const COLUMNS: [Column; 11] = [
+const COLUMNS: [Column; 12] = [
     SCENE,
     Column::text("preset", "preset"),
     PSNR,
@@ -36,6 +36,7 @@ const COLUMNS: [Column; 11] = [
     Column::text("gain", "over 3dgs, dB"),
     Column::figure("best_psnr", "best PSNR dB", 2),
     Column::figure("lost", "best - last, dB", 2),
+    Column::figure("iterations", "iterations", 0),
     Column::figure("n_gaussians", "Gaussians", 0),
     Column::figure("train_s", "training s", 1),
 ];
@@ -77,6 +78,7 @@ impl Study for Presets {
                     gained.into(),
                     figure(&|run| Some(peak(run)?.1)).into(),
                     figure(&|run| Some(peak(run)?.1 - run.evaluation.mean.psnr?)).into(),
+                    figure(&|run| Some(f64::from(run.job.config.iterations))).into(),
                     figure(&|run| Some(run.evaluation.n_gaussians as f64)).into(),
                     figure(&|run| run.metrics.seconds.train).into(),
                 ]);

@@ -47,7 +47,9 @@ const CURVE: u32 = 25;
 /// The training as a command into the folder `run`.
 fn train(more: &str) -> String {
     let settings = SETTINGS.map(|s| format!("--set {s}")).join(" ");
-    format!("train --scene builtin:32 --eval-every {CURVE} {settings} --out run {more}")
+    format!(
+        "train --scene builtin:32 --preset paper --eval-every {CURVE} {settings} --out run {more}"
+    )
 }
 
 /// One that does not end.
