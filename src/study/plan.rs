@@ -83,7 +83,9 @@ impl<'a> Base<'a> {
         }
         let iterations = options.iterations.unwrap_or(config.iterations);
         let share = f64::from(preset.iterations) / f64::from(method.iterations);
-        config.iterations = (share * f64::from(iterations)).round().max(1.0) as u32;
+        // None stays none, which is refused.
+        let least = f64::from(iterations.min(1));
+        config.iterations = (share * f64::from(iterations)).round().max(least) as u32;
         config.scene.max_size_px = options.max_size.or(config.scene.max_size_px);
         config.scene.max_points = options.max_points.or(config.scene.max_points);
         let own = preset.differences(&method)?;
