@@ -114,7 +114,7 @@ fn trained(scene: &Scene, config: &Config, (truth, frame): (&[Camera], &Frame)) 
         &scene.test,
         &config.model,
         |view, rendered| {
-            let score = score(rendered, view, &options)?;
+            let score = score(rendered, view, None, &options)?;
             psnr += score.psnr.unwrap_or(f64::NAN);
             ssim += score.ssim.unwrap_or(f64::NAN);
             Ok(())
