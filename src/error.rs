@@ -177,3 +177,17 @@ pub fn create_dir(path: &Path) -> Result<()> {
     fs::create_dir_all(path)
         .map_err(|e| Error::new(format!("cannot create the directory: {e}")).at_path(path))
 }
+
+/// A way out: the nearest of `known`, if it is near.
+pub(crate) fn did_you_mean<'a>(
+    wrong: &str,
+    known: impl Iterator<Item = &'a str>,
+) -> Option<String> {
+    // The distance takes time in both lengths; nobody mistypes a whole page.
+    known
+        .filter(|k| wrong.len().max(k.len()) <= 256)
+        .map(|k| (strsim::damerau_levenshtein(wrong, k), k))
+        .min()
+        .filter(|(distance, k)| *distance <= 1 + k.len() / 4)
+        .map(|(_, k)| format!("did you mean `{k}`?"))
+}

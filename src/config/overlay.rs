@@ -9,7 +9,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::Config;
-use crate::error::{Error, Result, read_file};
+use crate::error::{Error, Result, did_you_mean, read_file};
 
 /// Name and text of every preset; the first is the default. Those of the ablation state what
 /// they change and from what, the others every value.
@@ -268,15 +268,6 @@ fn pointer(key: &str) -> String {
     } else {
         format!("/{}", key.replace('.', "/"))
     }
-}
-
-/// The nearest of `known`, if it is near.
-fn did_you_mean<'a>(wrong: &str, known: impl Iterator<Item = &'a str>) -> Option<String> {
-    known
-        .map(|k| (strsim::damerau_levenshtein(wrong, k), k))
-        .min()
-        .filter(|(distance, k)| *distance <= 1 + k.len() / 4)
-        .map(|(_, k)| format!("did you mean `{k}`?"))
 }
 
 /// The nearest of the names that serde's message expects, as in "expected `a` or `b`", to the

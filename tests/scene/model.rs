@@ -205,6 +205,11 @@ fn missing_folders_and_files_are_named() {
     folder.fails_with(&["no scene in this folder", "`sparse/0`"]);
     folder.write("sparse/0/cameras.txt", CAMERAS_TXT);
     folder.fails_with(&["sparse/0/images.txt", "cannot read"]);
+    fails_with(
+        load(&folder.path().join("sparce"), &options()),
+        ErrorKind::Failure,
+        &["no such scene folder", "did you mean `sparse`?"],
+    );
     folder.write("sparse/0/images.txt", images_txt(&["a.png"]));
     folder.fails_with(&["no point cloud"]);
     folder.write("sparse/0/points3D.ply", GOOD_PLY);
