@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::report::plot::{MapMark, SphereMap};
 use crate::splat::splat_views;
 
-const PRESETS: [&str; 2] = ["3dgs", "paper"];
+const PRESETS: [&str; 3] = ["3dgs", "paper", "gspotential"];
 
 const COLUMNS: [Column; 5] = [
     SCENE,
