@@ -16,6 +16,7 @@
 //!   but not in the photograph. `g` is the smallest reach whose window holds 3 points on
 //!   average, `(2 g + 1)^2 >= 3 n_pixels / n_points`: of points strewn at random 1 window in 20
 //!   would hold none. In a dense cloud it is 0, and every nearest point is judged.
+//! - A pixel that a mask has training ignore accuses nobody.
 //! - What a carved point hid is judged in the next round, until a round finds nothing.
 
 use rayon::prelude::*;
@@ -104,7 +105,8 @@ fn gap(n_pixels: usize, n_points: usize) -> usize {
 }
 
 /// A training view that judges points.
-struct Witness {
+struct Witness<'a> {
+    view: &'a View,
     /// Canonical.
     camera: Camera,
     /// Least and greatest value of each channel in every pixel's window.
@@ -113,10 +115,11 @@ struct Witness {
     gap: usize,
 }
 
-impl Witness {
-    fn new(view: &View, frame: &Frame, config: &CarveConfig, gap: usize) -> Witness {
+impl<'a> Witness<'a> {
+    fn new(view: &'a View, frame: &Frame, config: &CarveConfig, gap: usize) -> Witness<'a> {
         let reach = (config.window_px / 2) as usize;
         Witness {
+            view,
             camera: frame.camera_to_canonical(&view.camera),
             ranges: window_ranges(&view.image, reach),
             gap,
@@ -130,7 +133,8 @@ impl Witness {
             .enumerate()
             .filter_map(|(pixel, winner)| Some((pixel, winner?)))
             .filter(|(pixel, winner)| {
-                excess(colors[winner.point], self.ranges[*pixel]) > 255.0 * config.threshold
+                self.view.counts(*pixel)
+                    && excess(colors[winner.point], self.ranges[*pixel]) > 255.0 * config.threshold
                     && !self.is_behind(z_buffer, *pixel, *winner, config.depth_tolerance)
             })
             .map(|(_, winner)| winner.point)

@@ -53,6 +53,24 @@ pub struct SceneConfig {
     /// The cloud is thinned to this many points before it becomes Gaussians, where given;
     /// otherwise to the number of training pixels.
     pub max_points: Option<usize>,
+    /// What training makes of the pixels that a photograph's mask leaves out.
+    pub outside_mask: OutsideMask,
+}
+
+/// What the pixels are that a mask leaves out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum OutsideMask {
+    /// By an alpha channel `background`, by a file in `masks/` `ignored`.
+    Auto,
+    /// They do not count: training learns nothing from them.
+    Ignored,
+    /// They show `model.background`, in test views, too: the subject stands free. Points of the
+    /// cloud that a training view has outside its mask go, and there are no far shell and no
+    /// filled holes.
+    Background,
+    /// The photograph's: masks count in evaluation alone.
+    Kept,
 }
 
 /// Carving: points that the photographs contradict go before anything is made of the cloud.

@@ -162,7 +162,7 @@ fn score_image(
         ssim: Some(metrics::ssim(render, truth)?),
         lpips: lpips.map(|l| l.distance(render, truth)).transpose()?,
         masked: match &view.mask {
-            Some(mask) => score_masked(render, truth, mask, lpips)?,
+            Some(mask) => score_masked(render, truth, &mask.set, lpips)?,
             None => None,
         },
         covered: covered

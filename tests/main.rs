@@ -20,6 +20,7 @@ mod geometry;
 mod gpu;
 mod habits;
 mod hard;
+mod masked;
 mod memory;
 mod metrics;
 mod page;

@@ -48,7 +48,7 @@ pub fn fit_poses(
     let mut cameras = Vec::with_capacity(views.len());
     for view in views {
         let camera = frame.camera_to_canonical(&view.camera);
-        let view = TrainingView::photograph(camera, &view.image.texels());
+        let view = TrainingView::of(camera, view);
         let fitted = fit.fit(&view).map_err(|e| e.at(&view.camera.name))?;
         cameras.push(frame.camera_to_world(&fitted));
         progress.advance(cameras.len() as u32);

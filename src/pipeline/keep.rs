@@ -38,7 +38,8 @@ impl Identity {
             let name = &view.camera.name;
             let image = crc32fast::hash(&view.image.rgb);
             sums.insert(format!("test image of `{name}`"), image);
-            let mask: Vec<u8> = view.mask.iter().flatten().map(|&set| set.into()).collect();
+            let set = view.mask.iter().flat_map(|mask| &mask.set);
+            let mask: Vec<u8> = set.map(|&set| set.into()).collect();
             sums.insert(format!("test mask of `{name}`"), crc32fast::hash(&mask));
         }
         Ok(Identity {

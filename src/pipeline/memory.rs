@@ -67,7 +67,7 @@ impl Forecast {
 }
 
 fn image_bytes(views: &[View]) -> u64 {
-    let masks = |view: &View| view.mask.as_ref().map_or(0, Vec::len);
+    let masks = |view: &View| view.mask.as_ref().map_or(0, |mask| mask.set.len());
     let bytes = views.iter().map(|view| view.image.rgb.len() + masks(view));
     bytes.sum::<usize>() as u64
 }

@@ -55,12 +55,17 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     let virtual_views = choose_views(&train_cameras, (&focus, &field), cloud, config)?;
     let virtual_cameras: Vec<Camera> = virtual_views.iter().map(|v| v.camera.clone()).collect();
     seconds.sample = Some(clock.lap());
-    let goals = splatted(cloud, &frame, (&virtual_cameras, &train_cameras), config)?;
+    let fill_weight = match is_cut_out(scene) {
+        true => 0.0,
+        false => config.loss.fill_weight,
+    };
+    let cameras = (&virtual_cameras[..], &train_cameras[..]);
+    let goals = splatted(cloud, &frame, cameras, fill_weight, config)?;
     seconds.splat = Some(clock.lap());
 
     let thinned = thin(cloud, n_start(scene, config), config.seed);
     let mut start = Gaussians::from_cloud(&thinned, &frame, &config.model)?;
-    let shell = Shell::around(&start, &config.shell);
+    let shell = Shell::around(&start, &config.shell).filter(|_| !is_cut_out(scene));
     if let Some(shell) = shell {
         start.extend(shell.gaussians(mean_color(&scene.train), config.model.sh_degree));
     }
@@ -96,6 +101,11 @@ pub fn n_start(scene: &Scene, config: &Config) -> usize {
     let n_pixels: usize = scene.train.iter().map(|view| n_pixels(&view.image)).sum();
     let wanted = config.scene.max_points.unwrap_or(n_pixels);
     wanted.min(scene.cloud.len())
+}
+
+/// Whether the subject stands before the background colour: then nothing lies beyond it.
+fn is_cut_out(scene: &Scene) -> bool {
+    scene.train.iter().any(View::is_cut_out)
 }
 
 /// The scene's cloud after carving, where `config` asks for it.
@@ -138,6 +148,7 @@ fn splatted(
     cloud: &PointCloud,
     frame: &Frame,
     (cameras, train): (&[Camera], &[Camera]),
+    fill_weight: f64,
     config: &Config,
 ) -> Result<Vec<Goal>> {
     let near = config.model.near;
@@ -158,7 +169,7 @@ fn splatted(
     let mut goals = Vec::with_capacity(cameras.len());
     for part in cameras.chunks(portion) {
         let splats = splat_where(cloud, frame, part, &config.splat, near, shows)?;
-        goals.extend(virtual_goals(splats, config.loss.fill_weight));
+        goals.extend(virtual_goals(splats, fill_weight));
         progress.advance(goals.len() as u32);
     }
     progress.finish();
@@ -173,12 +184,10 @@ fn supervision(
     virtual_views: &[VirtualView],
     goals: Vec<Goal>,
 ) -> Supervision {
-    let real = scene.train.iter().map(|view| {
-        TrainingView::photograph(
-            frame.camera_to_canonical(&view.camera),
-            &view.image.texels(),
-        )
-    });
+    let real = scene
+        .train
+        .iter()
+        .map(|view| TrainingView::of(frame.camera_to_canonical(&view.camera), view));
     let virtual_views = virtual_views.iter().zip(goals).map(|(view, goal)| {
         TrainingView::packed(frame.camera_to_canonical(&view.camera), goal, view.alpha)
     });
@@ -206,13 +215,16 @@ fn virtual_goals(splats: Vec<SplatImage>, fill_weight: f64) -> Vec<Goal> {
     splats.into_par_iter().map(goal).collect()
 }
 
-/// Mean over all pixels, RGB in [0, 1].
+/// Mean over all pixels that count, RGB in [0, 1].
 fn mean_color(views: &[View]) -> DVec3 {
     let mut sum = [0_u64; 3];
     let mut n = 0_u64;
-    for pixel in views.iter().flat_map(|view| view.image.rgb.chunks_exact(3)) {
-        sum = std::array::from_fn(|c| sum[c] + u64::from(pixel[c]));
-        n += 255;
+    for view in views {
+        let pixels = view.image.rgb.chunks_exact(3).enumerate();
+        for (_, pixel) in pixels.filter(|(i, _)| view.counts(*i)) {
+            sum = std::array::from_fn(|c| sum[c] + u64::from(pixel[c]));
+            n += 255;
+        }
     }
     DVec3::from_array(sum.map(|s| s as f64 / n.max(1) as f64))
 }

@@ -71,7 +71,7 @@ pub fn train(
         ..
     } = &task.prepared;
     let n_points = task.cloud().len();
-    let n_shell = job.config.shell.count;
+    let n_shell = supervision.shell.map_or(0, |shell| shell.count());
     let n_scene = start.len() - n_shell;
     log::info!("{n_scene} Gaussians from {n_points} points");
     if n_shell > 0 {

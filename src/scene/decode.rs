@@ -6,7 +6,7 @@ use image::{DynamicImage, RgbImage};
 use super::image_file::{decoded, open_image, same_aspect};
 use super::images::PosedImage;
 use super::layout::PosedCamera;
-use super::masks::{Masks, alpha_mask, is_set, read_mask};
+use super::masks::{Levels, Masks};
 use super::undistort::Undistortion;
 use super::{Image, LoadOptions, View};
 use crate::camera::{Camera, bounded_size};
@@ -19,7 +19,7 @@ pub(super) struct Decoded {
 }
 
 /// Decodes the photograph and its mask, which is that of `masks` or else the photograph's alpha
-/// channel; undistorts both if the camera is no pinhole one; and scales both as `options` ask,
+/// channel; puts the background behind it where the mask asks for that; undistorts both if the camera is no pinhole one; and scales both as `options` ask,
 /// the camera along with them.
 ///
 /// An EXIF orientation is not applied: poses are those of the pixels as stored.
@@ -39,15 +39,19 @@ pub(super) fn decode(
     let image = decode_bytes(&read_file(path)?, &posed.camera).map_err(here)?;
     let size = (image.width(), image.height());
     let stated = (posed.camera.width, posed.camera.height);
-    let mut mask = match masks.file(&posed.camera.name) {
-        Some(path) => Some(read_mask(&path, size)?),
-        None => alpha_mask(&image),
-    };
+    let file = masks.file(&posed.camera.name);
+    let mut mask = Levels::of(file, &image, options.outside_mask)?;
     let mut image = image.into_rgb8();
+    if let Some(mask) = &mask {
+        mask.cut_out(&mut image, options.background);
+    }
     let mut camera = posed.camera.clone();
     if let Some(undistortion) = undistortion(posed, size).map_err(here)? {
         image = undistortion.apply(&image);
-        mask = mask.map(|mask| undistortion.apply(&mask));
+        mask = mask.map(|mask| Levels {
+            levels: undistortion.apply(&mask.levels),
+            ..mask
+        });
         camera = undistortion.pinhole;
     }
     let target = target_size(image.width(), image.height(), options);
@@ -58,7 +62,7 @@ pub(super) fn decode(
         view: View {
             camera: camera.resized(target.0, target.1),
             image: from_rgb(image),
-            mask: mask.map(|mask| is_set(mask, target)),
+            mask: mask.map(|mask| mask.mask(target)),
         },
         rescaled_from: (stated != size).then_some(stated),
     })

@@ -1,13 +1,16 @@
 //! Masks: which pixels of a photograph show the subject.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use image::imageops::{FilterType, resize};
-use image::{DynamicImage, GrayImage};
+use image::{DynamicImage, GrayImage, RgbImage};
 
 use super::image_file::{decoded, open_image, same_aspect};
 use super::images::stem;
+use super::{Mask, Outside};
+use crate::config::OutsideMask;
 use crate::error::{Error, Result, read_file};
 
 /// From this level on a pixel is set.
@@ -55,7 +58,7 @@ impl Masks {
 /// # Errors
 /// A file that is unreadable or no image, of another shape than the photograph, or that is
 /// neither black and white nor grey in between, as one that numbers its labels.
-pub(super) fn read_mask(path: &Path, photograph: (u32, u32)) -> Result<GrayImage> {
+fn read_mask(path: &Path, photograph: (u32, u32)) -> Result<GrayImage> {
     let decode = || {
         let bytes = read_file(path)?;
         let (decoder, size) = open_image(&bytes)?;
@@ -80,7 +83,7 @@ pub(super) fn read_mask(path: &Path, photograph: (u32, u32)) -> Result<GrayImage
 }
 
 /// The alpha channel of a photograph; none where there is no channel, or all of it is opaque.
-pub(super) fn alpha_mask(photograph: &DynamicImage) -> Option<GrayImage> {
+fn alpha_mask(photograph: &DynamicImage) -> Option<GrayImage> {
     if !photograph.color().has_alpha() {
         return None;
     }
@@ -92,13 +95,69 @@ pub(super) fn alpha_mask(photograph: &DynamicImage) -> Option<GrayImage> {
     GrayImage::from_raw(width, height, alpha)
 }
 
-/// Whether each pixel of a mask, scaled to the size `target`, is at least half bright or opaque.
-pub(super) fn is_set(levels: GrayImage, target: (u32, u32)) -> Vec<bool> {
+/// A mask as it is read: how bright or opaque, 0 to 255.
+pub(super) struct Levels {
+    pub levels: GrayImage,
+    pub outside: Outside,
+}
+
+impl Levels {
+    /// The mask in the file `path` or else the photograph's alpha channel, at any size; what it
+    /// leaves out is as `wanted`.
+    ///
+    /// # Errors
+    /// What [`read_mask`] refuses.
+    pub fn of(
+        path: Option<PathBuf>,
+        photograph: &DynamicImage,
+        wanted: OutsideMask,
+    ) -> Result<Option<Levels>> {
+        let (levels, auto) = match path {
+            Some(path) => {
+                let size = (photograph.width(), photograph.height());
+                (Some(read_mask(&path, size)?), Outside::Ignored)
+            }
+            None => (alpha_mask(photograph), Outside::Background),
+        };
+        let outside = match wanted {
+            OutsideMask::Auto => auto,
+            OutsideMask::Ignored => Outside::Ignored,
+            OutsideMask::Background => Outside::Background,
+            OutsideMask::Kept => Outside::Kept,
+        };
+        Ok(levels.map(|levels| Levels { levels, outside }))
+    }
+
+    /// Puts the `background`, RGB in [0, 1], behind the photograph where the mask asks for it.
+    pub fn cut_out(&self, photograph: &mut RgbImage, background: [f64; 3]) {
+        if self.outside != Outside::Background {
+            return;
+        }
+        let background = background.map(|c| (255.0 * c).round() as u32);
+        let levels = scaled(&self.levels, photograph.dimensions());
+        for (pixel, level) in photograph.pixels_mut().zip(levels.pixels()) {
+            let alpha = u32::from(level.0[0]);
+            for (value, behind) in pixel.0.iter_mut().zip(background) {
+                let blend = alpha * u32::from(*value) + (255 - alpha) * behind;
+                *value = ((blend + 127) / 255) as u8;
+            }
+        }
+    }
+
+    /// Whether each pixel at the size `target` is at least half bright or opaque.
+    pub fn mask(&self, target: (u32, u32)) -> Mask {
+        let levels = scaled(&self.levels, target);
+        Mask {
+            set: levels.pixels().map(|p| p.0[0] >= THRESHOLD).collect(),
+            outside: self.outside,
+        }
+    }
+}
+
+fn scaled(levels: &GrayImage, target: (u32, u32)) -> Cow<'_, GrayImage> {
+    if levels.dimensions() == target {
+        return Cow::Borrowed(levels);
+    }
     // A triangle filter does not overshoot, so a thin part does not make others of its own.
-    let levels = if levels.dimensions() == target {
-        levels
-    } else {
-        resize(&levels, target.0, target.1, FilterType::Triangle)
-    };
-    levels.pixels().map(|p| p.0[0] >= THRESHOLD).collect()
+    Cow::Owned(resize(levels, target.0, target.1, FilterType::Triangle))
 }

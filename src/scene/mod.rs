@@ -3,6 +3,7 @@
 pub mod builtin;
 mod bytes;
 mod cloud;
+mod cut_out;
 mod decode;
 mod formats;
 mod image_file;
@@ -24,7 +25,7 @@ pub use source::{CloudSource, DEFAULT_BUILTIN_WIDTH, SceneSource};
 use glam::DVec3;
 
 use crate::camera::Camera;
-use crate::config::Config;
+use crate::config::{Config, OutsideMask};
 
 pub use cloud::{random_like, read_cloud, thin};
 pub use formats::other_clouds;
@@ -53,8 +54,60 @@ pub struct Scene {
 pub struct View {
     pub camera: Camera,
     pub image: Image,
-    /// Which pixels show the subject (`height * width`, row 0 on top), where the scene says.
-    pub mask: Option<Vec<bool>>,
+    /// Where the scene says what its subject is.
+    pub mask: Option<Mask>,
+}
+
+impl View {
+    /// What training compares renders with: RGBA8, red in the lowest byte; alpha is 255, or 0 where
+    /// a pixel does not count.
+    pub fn goal(&self) -> Vec<u32> {
+        let texels = self.image.texels().into_iter().enumerate();
+        let counted = texels.map(|(i, texel)| if self.counts(i) { texel } else { 0 });
+        counted.collect()
+    }
+
+    /// Whether training learns from a pixel, by its index.
+    pub fn counts(&self, pixel: usize) -> bool {
+        let ignored = self
+            .mask
+            .as_ref()
+            .filter(|mask| mask.outside == Outside::Ignored);
+        ignored.is_none_or(|mask| mask.set[pixel])
+    }
+
+    /// Whether all its pixels count.
+    pub fn counts_whole(&self) -> bool {
+        self.mask
+            .as_ref()
+            .is_none_or(|mask| mask.outside != Outside::Ignored)
+    }
+
+    /// Whether the subject stands before the background colour.
+    pub fn is_cut_out(&self) -> bool {
+        self.mask
+            .as_ref()
+            .is_some_and(|mask| mask.outside == Outside::Background)
+    }
+}
+
+/// Which pixels of a photograph show the subject.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mask {
+    /// `height * width`, row 0 on top.
+    pub set: Vec<bool>,
+    pub outside: Outside,
+}
+
+/// What the pixels are that a mask leaves out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outside {
+    /// The photograph's.
+    Kept,
+    /// The photograph's, but not for training.
+    Ignored,
+    /// Of the background colour.
+    Background,
 }
 
 /// An 8-bit RGB image, row 0 on top.
@@ -145,6 +198,10 @@ pub struct LoadOptions {
     pub n_test: usize,
     /// Of a random cloud.
     pub seed: u64,
+    /// What the pixels become that a mask leaves out.
+    pub outside_mask: OutsideMask,
+    /// RGB in [0, 1], of what they then show.
+    pub background: [f64; 3],
 }
 
 impl LoadOptions {
@@ -159,6 +216,8 @@ impl LoadOptions {
             n_train: config.scene.n_train,
             n_test: config.scene.n_test,
             seed: config.seed,
+            outside_mask: config.scene.outside_mask,
+            background: config.model.background,
         }
     }
 }

@@ -38,6 +38,11 @@ impl Shell {
         })
     }
 
+    /// Number of its Gaussians.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
     /// Gaussians farther than this from the focus are the shell's.
     pub fn inner_radius(&self) -> f64 {
         self.radius / MARGIN.sqrt()

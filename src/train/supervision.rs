@@ -4,6 +4,7 @@ use super::goal::Goal;
 use super::shell::Shell;
 use crate::camera::Camera;
 use crate::field::Coverage;
+use crate::scene::View;
 
 /// An image that a training view is compared with.
 #[derive(Clone, Debug)]
@@ -26,6 +27,14 @@ impl TrainingView {
         TrainingView {
             masked: false,
             ..Self::masked(camera, goal, 1.0)
+        }
+    }
+
+    /// The photograph of a scene's view: what its mask has training ignore weighs nothing.
+    pub fn of(camera: Camera, view: &View) -> TrainingView {
+        match view.counts_whole() {
+            true => Self::photograph(camera, &view.goal()),
+            false => Self::masked(camera, &view.goal(), 1.0),
         }
     }
 

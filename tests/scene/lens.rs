@@ -298,7 +298,7 @@ fn masks_are_undistorted_with_their_photographs() {
         folder.write("masks/a.png.png", bytes.into_inner());
         let view = &folder.scene().train[0];
         let camera = &view.camera;
-        let mask = view.mask.as_ref().expect("a mask");
+        let mask = &view.mask.as_ref().expect("a mask").set;
         assert_eq!(mask.len(), view.image.rgb.len() / 3);
         for (i, set) in mask.iter().enumerate() {
             let (x, y) = (i as u32 % camera.width, i as u32 / camera.width);

@@ -2,8 +2,10 @@
 
 use image::{DynamicImage, GrayImage, ImageFormat, Luma, Rgba, RgbaImage};
 
-use super::build::{Folder, SIZE, options, picture, warns};
-use gspotential::scene::{CloudSource, LoadOptions, Scene, SceneSource};
+use super::build::{Folder, SIZE, fails_with, options, picture, warns};
+use gspotential::config::OutsideMask;
+use gspotential::error::ErrorKind;
+use gspotential::scene::{CloudSource, LoadOptions, Outside, Scene, SceneSource};
 
 const NAMES: [&str; 4] = ["a.png", "b.png", "c.png", "d.png"];
 
@@ -25,7 +27,7 @@ fn left_of(edge: u32, (width, height): (u32, u32)) -> Vec<u8> {
 #[track_caller]
 fn edge(scene: &Scene, view: usize) -> Option<usize> {
     let view = &scene.train[view];
-    let mask = view.mask.as_ref()?;
+    let mask = &view.mask.as_ref()?.set;
     let width = view.image.width as usize;
     assert_eq!(mask.len(), width * view.image.height as usize);
     let edge = mask[..width].iter().filter(|&&set| set).count();
@@ -61,25 +63,131 @@ fn a_scene_without_masks_has_none_and_says_nothing() {
     assert!(scene.train.iter().all(|view| view.mask.is_none()));
 }
 
+/// [`picture`] opaque left of `edge` and transparent right of it.
+fn opaque_left_of(edge: u32) -> Vec<u8> {
+    let opaque = picture(SIZE.0, SIZE.1);
+    bytes(RgbaImage::from_fn(SIZE.0, SIZE.1, |x, y| {
+        let [r, g, b] = opaque.get_pixel(x, y).0;
+        Rgba([r, g, b, if x < edge { 255 } else { 0 }])
+    }))
+}
+
+/// [`picture`] with `color` from `edge` on.
+fn before(color: [u8; 3], edge: u32) -> Vec<u8> {
+    let mut image = picture(SIZE.0, SIZE.1);
+    for (x, _, pixel) in image.enumerate_pixels_mut() {
+        if x >= edge {
+            pixel.0 = color;
+        }
+    }
+    image.into_raw()
+}
+
 #[test]
 fn alpha_is_a_mask_unless_all_of_it_is_opaque() {
     let folder = Folder::with_views(&NAMES);
-    let with_alpha = |edge: u32| {
-        let opaque = picture(SIZE.0, SIZE.1);
-        bytes(RgbaImage::from_fn(SIZE.0, SIZE.1, |x, y| {
-            let [r, g, b] = opaque.get_pixel(x, y).0;
-            Rgba([r, g, b, if x < edge { 255 } else { 0 }])
-        }))
-    };
-    folder.write("images/a.png", with_alpha(4));
-    folder.write("images/b.png", with_alpha(SIZE.0));
+    folder.write("images/a.png", opaque_left_of(6));
+    folder.write("images/b.png", opaque_left_of(SIZE.0));
     let scene = folder.scene();
-    warns(&scene, &[]);
-    assert_eq!((edge(&scene, 0), edge(&scene, 1)), (Some(4), None));
-    assert_eq!(scene.train[0].image.rgb, picture(SIZE.0, SIZE.1).into_raw());
+    assert_eq!((edge(&scene, 0), edge(&scene, 1)), (Some(6), None));
+    assert_eq!(scene.train[1].image.rgb, picture(SIZE.0, SIZE.1).into_raw());
     // A file is meant, where there is one.
-    folder.write("masks/a.png.png", left_of(6, SIZE));
-    assert_eq!(edge(&folder.scene(), 0), Some(6));
+    folder.write("masks/a.png.png", left_of(4, SIZE));
+    assert_eq!(edge(&folder.scene(), 0), Some(4));
+}
+
+#[test]
+fn what_a_mask_leaves_out_is_ignored_or_background_or_kept_as_asked() {
+    let folder = Folder::with_views(&NAMES);
+    folder.write("images/a.png", opaque_left_of(6));
+    folder.write("masks/b.png.png", left_of(7, SIZE));
+    let pink = [255, 51, 102];
+    let load = |outside_mask| {
+        let options = LoadOptions {
+            outside_mask,
+            background: [1.0, 0.2, 0.4],
+            ..options()
+        };
+        folder.load_with(&options).expect("a scene").train
+    };
+    let whole = picture(SIZE.0, SIZE.1).into_raw();
+    // (of the alpha channel, of the file)
+    for (wanted, outside) in [
+        (OutsideMask::Auto, [Outside::Background, Outside::Ignored]),
+        (OutsideMask::Ignored, [Outside::Ignored; 2]),
+        (OutsideMask::Background, [Outside::Background; 2]),
+        (OutsideMask::Kept, [Outside::Kept; 2]),
+    ] {
+        let views = load(wanted);
+        for ((view, outside), edge) in views.iter().zip(outside).zip([6, 7]) {
+            let mask = view.mask.as_ref().expect("a mask");
+            assert_eq!(mask.outside, outside);
+            let expected = match outside {
+                Outside::Background => before(pink, edge),
+                _ => whole.clone(),
+            };
+            assert_eq!(view.image.rgb, expected, "{wanted:?}");
+            let is_ignored = outside == Outside::Ignored;
+            for (i, texel) in view.goal().iter().enumerate() {
+                let counts = !is_ignored || (i as u32 % SIZE.0) < edge;
+                assert_eq!(texel >> 24, if counts { 255 } else { 0 }, "{wanted:?} {i}");
+                assert_eq!(view.counts(i), counts);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_half_transparent_pixel_is_half_background() {
+    let folder = Folder::with_views(&NAMES);
+    let veil = RgbaImage::from_pixel(SIZE.0, SIZE.1, Rgba([200, 100, 0, 153]));
+    folder.write("images/a.png", bytes(veil));
+    let options = LoadOptions {
+        background: [1.0; 3],
+        ..options()
+    };
+    let scene = folder.load_with(&options).expect("a scene");
+    // 0.6 * (200, 100, 0) + 0.4 * 255.
+    assert_eq!(scene.train[0].image.rgb[..3], [222, 162, 102]);
+}
+
+#[test]
+fn a_cut_out_subject_keeps_the_points_within_its_masks() {
+    // They fall on (6.5, 3.5), (8.2, 3.5) and (5.1, 6.6) of the first view, those of others 10 z
+    // further left for each.
+    let folder = Folder::with_views(&NAMES);
+    let load = |edge: u32, outside_mask| {
+        folder.write("masks/a.png.png", left_of(edge, SIZE));
+        folder.load_with(&LoadOptions {
+            outside_mask,
+            ..options()
+        })
+    };
+    let n_left = |edge, outside| load(edge, outside).expect("a scene").cloud.len();
+    assert_eq!(
+        n_left(8, OutsideMask::Background),
+        3,
+        "a pixel beside the edge"
+    );
+    assert_eq!(n_left(7, OutsideMask::Background), 2);
+    assert_eq!(n_left(5, OutsideMask::Background), 1);
+    assert_eq!(n_left(0, OutsideMask::Ignored), 3);
+    assert_eq!(n_left(0, OutsideMask::Kept), 3);
+    let warnings = load(7, OutsideMask::Background).expect("a scene").warnings;
+    assert!(
+        warnings
+            .iter()
+            .any(|w| w.contains("1 of 3 points lie outside of the masks"))
+    );
+    fails_with(
+        load(0, OutsideMask::Background),
+        ErrorKind::Failure,
+        &[
+            "points3D.ply",
+            "no point of the cloud lies within the masks",
+            "outside_mask=ignored",
+        ],
+    );
 }
 
 #[test]

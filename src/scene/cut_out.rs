@@ -1,0 +1,44 @@
+//! Subjects that are cut out of their photographs: the cloud keeps what lies within them.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::{PointCloud, View};
+
+/// Drops points that some training view, its subject cut out, has in its frame but outside of its
+/// mask, so that what is left lies within the visual hull (Laurentini 1994). A pixel beside the
+/// mask's edge does not accuse: edges are seldom better than that. The count goes to `warnings`.
+pub(super) fn keep_within_masks(
+    cloud: &mut PointCloud,
+    train: &[View],
+    warnings: &mut Vec<String>,
+) {
+    let n = cloud.len();
+    let positions = cloud.positions.par_iter();
+    let kept: Vec<bool> = positions
+        .map(|p| train.iter().all(|view| !is_outside(view, *p)))
+        .collect();
+    cloud.retain(&kept);
+    if cloud.len() < n {
+        warnings.push(format!(
+            "{} of {n} points lie outside of the masks: dropped",
+            n - cloud.len()
+        ));
+    }
+}
+
+/// Whether the view's frame has the point, and the mask of its cut-out subject nothing around it.
+fn is_outside(view: &View, point: DVec3) -> bool {
+    let Some(mask) = view.mask.as_ref().filter(|_| view.is_cut_out()) else {
+        return false;
+    };
+    let (pixel, depth) = view.camera.project(point);
+    let (width, height) = (view.image.width as usize, view.image.height as usize);
+    let is_in = |at: f64, size: usize| (0.0..size as f64).contains(&at);
+    if depth <= 0.0 || !is_in(pixel.x, width) || !is_in(pixel.y, height) {
+        return false;
+    }
+    let beside =
+        |at: f64, size: usize| (at as usize).saturating_sub(1)..(at as usize + 2).min(size);
+    !beside(pixel.y, height).any(|y| beside(pixel.x, width).any(|x| mask.set[y * width + x]))
+}
