@@ -191,7 +191,13 @@ fn logs_are_quiet_or_json_and_a_run_is_exported() {
         .unwrap()
         .len();
     assert_eq!(n_bytes, 32 * n);
-    let output = command(folder.path(), "export run --out run.spz");
+    stdout(folder.path(), "export run --out run.spz");
+    let is_smaller = std::fs::metadata(folder.path().join("run.spz"))
+        .unwrap()
+        .len()
+        < n_bytes;
+    assert!(is_smaller);
+    let output = command(folder.path(), "export run --out run.obj");
     assert_eq!(output.status.code(), Some(2));
 
     // A page that is gone is made again, and one over all runs where it is asked for.

@@ -7,17 +7,19 @@ use clap::Args;
 use crate::error::{Error, Result};
 use crate::gaussians::ply::read_ply;
 use crate::gaussians::splat::write_splat;
+use crate::gaussians::spz::write_spz;
 use crate::run::RunDir;
 
 const EXAMPLES: &str = "\
 Examples:
-  gspotential export runs/garden --out garden.splat
+  gspotential export runs/garden --out garden.spz
   gspotential export garden/point_cloud.ply --out garden.splat
 
-A .splat file has 32 bytes a Gaussian and the colours of degree 0. The point_cloud.ply of a run
-is the full model, which 3DGS viewers open as it is.";
+A .spz file is about a tenth of the PLY, with all SH degrees in 8 bits a value. A .splat file has
+32 bytes a Gaussian and the colours of degree 0. The point_cloud.ply of a run is the full model,
+which 3DGS viewers open as it is.";
 
-/// Write a trained scene as a .splat file for viewers on the web
+/// Write a trained scene as a .spz or .splat file for viewers on the web
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub struct ExportArgs {
@@ -26,24 +28,28 @@ pub struct ExportArgs {
     model: PathBuf,
 
     /// File to write; one of the same name is replaced
-    #[arg(long, value_name = "FILE.splat")]
+    #[arg(long, value_name = "FILE.spz|FILE.splat")]
     out: PathBuf,
 }
 
 impl ExportArgs {
     pub fn run(self) -> Result<()> {
-        if self.out.extension().is_none_or(|ext| ext != "splat") {
-            return Err(Error::usage("the only format to export is .splat")
-                .at_path(&self.out)
-                .way_out("name a file that ends in .splat"));
-        }
+        let write = match self.out.extension().and_then(|ext| ext.to_str()) {
+            Some("spz") => write_spz,
+            Some("splat") => write_splat,
+            _ => {
+                return Err(Error::usage("the formats to export are .spz and .splat")
+                    .at_path(&self.out)
+                    .way_out("name a file that ends in one of them"));
+            }
+        };
         let model = if self.model.is_dir() {
             RunDir::open(&self.model)?.point_cloud()
         } else {
             self.model
         };
         let gaussians = read_ply(&model)?;
-        let n = write_splat(&self.out, &gaussians)?;
+        let n = write(&self.out, &gaussians)?;
         log::info!("wrote {n} Gaussians to {}", self.out.display());
         if n < gaussians.len() {
             log::info!("{} others are never drawn", gaussians.len() - n);

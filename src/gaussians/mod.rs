@@ -1,8 +1,9 @@
 //! Gaussians on the host: the model, its start from a point cloud, and its files ([`ply`],
-//! [`splat`]).
+//! [`splat`], [`spz`]).
 
 pub mod ply;
 pub mod splat;
+pub mod spz;
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;

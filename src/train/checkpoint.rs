@@ -10,10 +10,11 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::guide::Guide;
+use super::observer::PlanRecord;
 use super::optimizer::Optimizer;
 use super::refine::RefinedPose;
 use super::supervision::{Supervision, TrainingView};
-use super::trainer::{PlanRecord, Trainer};
+use super::trainer::Trainer;
 use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
 use crate::render::{BLOCK_PLANES, Model, most_gaussians, n_blocks};

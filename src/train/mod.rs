@@ -1,16 +1,17 @@
 //! Training: one real and one virtual view an iteration, Adam, densification.
 //!
 //! [`schedule`] says what an iteration does, [`optimizer`] steps the parameters on the GPU,
-//! [`policy`] decides on the CPU which Gaussians come and go, [`trainer`] runs the loop, and
-//! [`checkpoint`] takes it apart and puts it together again between two iterations. [`supervision`]
-//! is what they learn from, [`memory`] says what that takes, [`shell`] is a background of Gaussians
-//! beyond the scene, [`pose_adam`] moves cameras, where they are refined, and [`guide`] chooses whom
-//! dropout leaves out.
+//! [`policy`] decides on the CPU which Gaussians come and go, [`trainer`] runs the loop and tells an
+//! [`observer`], and [`checkpoint`] takes it apart and puts it together again between two
+//! iterations. [`supervision`] is what they learn from, [`memory`] says what that takes, [`shell`]
+//! is a background of Gaussians beyond the scene, [`pose_adam`] moves cameras, where they are
+//! refined, and [`guide`] chooses whom dropout leaves out.
 
 pub mod checkpoint;
 mod goal;
 pub mod guide;
 pub mod memory;
+pub mod observer;
 pub mod optimizer;
 pub mod policy;
 pub mod pose_adam;
@@ -23,8 +24,9 @@ pub mod trainer;
 pub use checkpoint::{State, fingerprint};
 pub use goal::Goal;
 pub use memory::TrainingBytes;
+pub use observer::{Observer, PlanRecord, Trained};
 pub use pose_adam::PoseAdam;
 pub use refine::{RefinedPose, pose_rates};
 pub use shell::Shell;
 pub use supervision::{Supervision, TrainingView};
-pub use trainer::{Observer, PlanRecord, Trained, Trainer, TrainerSeconds, train};
+pub use trainer::{Trainer, TrainerSeconds, train};
