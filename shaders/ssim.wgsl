@@ -149,7 +149,7 @@ fn ssim_horizontal(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups)
     }
 }
 
-// Four rows of sums, SSIM_ROWS of them.
+// Rows of sums, SSIM_ROWS of them.
 struct Rows {
     #repeat r SSIM_ROWS
     r{r}: vec4f,

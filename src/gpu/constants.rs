@@ -14,7 +14,7 @@ pub const RADIX_CHUNK: u32 = 128;
 pub const RADIX_BITS: u32 = 4;
 pub const DEPTH_BITS: u32 = 30;
 /// Rows a thread of SSIM's vertical passes covers.
-pub const SSIM_ROWS: u32 = 4;
+pub const SSIM_ROWS: u32 = 8;
 /// Slots of the `totals` buffer: pairs of the current view, entries of the current radix sort,
 /// number of the first step whose pairs did not fit (0: none), most pairs of any view seen.
 pub const TOTAL_PAIRS: u32 = 0;
