@@ -42,7 +42,7 @@ fn every_preset_states_every_value_under_its_own_name_and_is_valid() {
         let config = Config::preset(name).unwrap();
         config.validate().unwrap();
         assert_eq!(config.preset, *name);
-        if name.starts_with("ablation-") {
+        if *name == "fast" || name.starts_with("ablation-") {
             continue;
         }
 
@@ -84,6 +84,23 @@ fn own_preset_differs_from_the_paper_in_its_parts_alone() {
         "shell.count=500",
         "views.visibility.enabled=true",
         "views.visibility.mask_angle_deg=80.0",
+        "views.visibility.min_share=0.1",
+        "views.visibility.power=0.0",
+    ];
+    assert_eq!(told, expected);
+}
+
+#[test]
+fn the_fast_preset_is_the_default_one_with_less_to_do() {
+    let [fast, own] = ["fast", "gspotential"].map(|name| Config::preset(name).unwrap());
+    let differences = fast.differences(&own).unwrap().into_iter();
+    let told: Vec<String> = differences
+        .map(|(key, a, b)| format!("{key}={a}, was {b}"))
+        .collect();
+    let expected = [
+        "iterations=700, was 7000",
+        "model.sh_degree=0, was 3",
+        "views.count=64, was 256",
     ];
     assert_eq!(told, expected);
 }

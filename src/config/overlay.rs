@@ -11,8 +11,8 @@ use serde_json::Value;
 use super::Config;
 use crate::error::{Error, Result, did_you_mean, read_file};
 
-/// Name and text of every preset; the first is the default. Those of the ablation state what
-/// they change and from what, the others every value.
+/// Name and text of every preset; the first is the default. `fast` and those of the
+/// ablation state what they change and from what, the others every value.
 ///
 /// Three are settings of other systems, as published, on this program's kernels and start:
 /// - `instantsplat` (Fan et al. 2024): poses are refined, the set of Gaussians stays. Its pose rate is
@@ -28,6 +28,7 @@ pub const PRESETS: &[(&str, &str)] = &[
         "gspotential",
         include_str!("../../configs/gspotential.json"),
     ),
+    ("fast", include_str!("../../configs/fast.json")),
     ("paper", include_str!("../../configs/paper.json")),
     ("3dgs", include_str!("../../configs/3dgs.json")),
     (

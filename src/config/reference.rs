@@ -31,8 +31,9 @@ pub fn summary(preset: &str) -> &'static str {
         "paper" => "the paper's method: virtual views, coverage-aware pruning and densification",
         "3dgs" => "the baseline: the same cloud and settings, no virtual views, no coverage rules",
         "gspotential" => {
-            "our best: visibility-weighted views, carving, filled holes, a far shell; no densification"
+            "our best: views of what photographs see, carving, filled holes, a far shell; no densification"
         }
+        "fast" => "gspotential in a tenth of the time: fewer iterations and views, SH degree 0",
         "instantsplat" => {
             "InstantSplat's settings: refined poses, high rates, no densification, no virtual views"
         }

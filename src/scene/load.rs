@@ -1,6 +1,5 @@
 //! A scene folder to a [`Scene`]: the format's reader finds what there is, the rest is shared.
 
-use std::collections::BTreeSet;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -19,7 +18,7 @@ use super::protocol::PoseProtocol;
 use super::split::{choose, regroup};
 use super::{CloudSource, LoadOptions, PointCloud, Scene, View};
 use crate::camera::Camera;
-use crate::error::{Error, Result, did_you_mean};
+use crate::error::{Error, Result};
 
 /// Loads the scene in the folder `dir`: poses, intrinsics and cloud in the format that is found
 /// there, the split, and the photographs of the training and test views, scaled as asked.
@@ -33,11 +32,9 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         return Err(Error::usage("images cannot be scaled down to 0 pixels"));
     }
     if !dir.is_dir() {
-        let way_out = near_folder(dir)
-            .unwrap_or_else(|| "give a folder with `images/` and a COLMAP model".to_owned());
         return Err(Error::new("no such scene folder")
             .at_path(dir)
-            .way_out(way_out));
+            .way_out("give a folder with `images/` and a COLMAP model"));
     }
     let layout = formats::read(dir, options)?;
     let cloud_path = match &options.cloud {
@@ -108,17 +105,6 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         pose_protocol,
         warnings,
     })
-}
-
-/// The folder beside it that `dir` may have been meant as.
-fn near_folder(dir: &Path) -> Option<String> {
-    let name = dir.file_name()?.to_str()?;
-    let parent = dir.parent().filter(|parent| *parent != Path::new(""));
-    let entries = std::fs::read_dir(parent.unwrap_or(Path::new("."))).ok()?;
-    let folders = entries.flatten().filter(|entry| entry.path().is_dir());
-    let names = folders.filter_map(|entry| entry.file_name().into_string().ok());
-    let names: BTreeSet<String> = names.collect();
-    did_you_mean(name, names.iter().map(String::as_str))
 }
 
 /// What the poses are worth, with a warning where some were only interpolated.

@@ -1,12 +1,13 @@
 //! What `--scene` and `--cloud` take.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use super::builtin::{CLOUD_VIEWS, WIDTHS};
 use super::formats::FOLDERS;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, did_you_mean};
 
 /// Image width of the built-in scene where none is given, pixels.
 pub const DEFAULT_BUILTIN_WIDTH: u32 = 320;
@@ -32,7 +33,9 @@ impl SceneSource {
                 Err(e) => Err(Error::new(format!("cannot open the scene: {e}")).at_path(&folder)),
             }
             .map_err(|e| {
-                e.way_out("name a folder with images/ and sparse/0/, or take `--scene builtin`")
+                let otherwise =
+                    "name a folder with images/ and sparse/0/, or take `--scene builtin`";
+                e.way_out(near_folder(&folder).unwrap_or_else(|| otherwise.to_owned()))
             }),
             builtin => Ok(builtin),
         }
@@ -181,4 +184,15 @@ impl fmt::Display for CloudSource {
             CloudSource::Random => f.write_str("random"),
         }
     }
+}
+
+/// The folder beside it that `dir` may have been meant as.
+fn near_folder(dir: &Path) -> Option<String> {
+    let name = dir.file_name()?.to_str()?;
+    let parent = dir.parent().filter(|parent| *parent != Path::new(""));
+    let entries = std::fs::read_dir(parent.unwrap_or(Path::new("."))).ok()?;
+    let folders = entries.flatten().filter(|entry| entry.path().is_dir());
+    let names = folders.filter_map(|entry| entry.file_name().into_string().ok());
+    let names: BTreeSet<String> = names.collect();
+    did_you_mean(name, names.iter().map(String::as_str))
 }

@@ -47,9 +47,13 @@ const DENSIFY: &[&str] = &["densify.enabled"];
 const PARTS: [Part; 6] = [
     part("virtual views", "views", &["views.count"], false),
     part(
-        "visibility-weighted potential",
+        "visible candidates",
         "visibility",
-        &["views.visibility.enabled"],
+        &[
+            "views.visibility.enabled",
+            "views.visibility.power",
+            "views.visibility.min_share",
+        ],
         true,
     ),
     part(
@@ -82,13 +86,18 @@ impl Part {
 }
 
 /// What the whole has not taken, added to it: its variant, what it is called, and its setting.
-const LEFT_ASIDE: [(&str, &str, &str); 2] = [
+const LEFT_ASIDE: [(&str, &str, &str); 3] = [
     (
         "parts-with-densification",
         "densification",
         "densify.enabled=true",
     ),
     ("parts-with-dropout", "dropout", "dropout.rate_end=0.2"),
+    (
+        "parts-with-weights",
+        "candidates weighed by visibility",
+        "views.visibility.power=2",
+    ),
 ];
 
 /// A row of the table: its variant, what it is called, and the row that it is compared with.

@@ -14,12 +14,13 @@ use crate::run::CurvePoint;
 use crate::stats::Figure;
 
 /// The baseline first: gains are over it.
-const PRESETS: [&str; 6] = [
+const PRESETS: [&str; 7] = [
     "3dgs",
     "instantsplat",
     "dropgaussian",
     "d2gs",
     "paper",
+    "fast",
     "gspotential",
 ];
 
@@ -52,8 +53,7 @@ impl Study for Presets {
     fn variants(&self, base: &Base) -> Result<Vec<Variant>> {
         let variants = base.presets(&PRESETS)?.into_iter();
         let with_curve = variants.map(|Variant { name, job }| Variant {
-            // Other studies have them without a curve.
-            name: format!("curve-{name}"),
+            name: variant(&name),
             job: TrainJob {
                 eval_every: Some((job.config.iterations / N_CURVE).max(1)),
                 ..job
@@ -110,6 +110,7 @@ impl Study for Presets {
     }
 }
 
+/// Other studies have the presets without a curve.
 fn variant(preset: &str) -> String {
     format!("curve-{preset}")
 }

@@ -5,7 +5,7 @@ use super::build::{
 };
 use glam::{DMat3, DQuat, DVec3};
 use gspotential::error::ErrorKind;
-use gspotential::scene::{Scene, load};
+use gspotential::scene::{Scene, SceneSource, load};
 
 /// id, model, model id, parameters
 type CameraLine = (i32, &'static str, i32, Vec<f64>);
@@ -205,11 +205,17 @@ fn missing_folders_and_files_are_named() {
     folder.fails_with(&["no scene in this folder", "`sparse/0`"]);
     folder.write("sparse/0/cameras.txt", CAMERAS_TXT);
     folder.fails_with(&["sparse/0/images.txt", "cannot read"]);
-    fails_with(
-        load(&folder.path().join("sparce"), &options()),
-        ErrorKind::Failure,
-        &["no such scene folder", "did you mean `sparse`?"],
-    );
+    for (name, way_out) in [
+        ("sparce", "did you mean `sparse`?"),
+        ("garden", "`--scene builtin`"),
+    ] {
+        let source = SceneSource::Folder(folder.path().join(name)).resolved();
+        fails_with(
+            source,
+            ErrorKind::Failure,
+            &["cannot open the scene", name, way_out],
+        );
+    }
     folder.write("sparse/0/images.txt", images_txt(&["a.png"]));
     folder.fails_with(&["no point cloud"]);
     folder.write("sparse/0/points3D.ply", GOOD_PLY);

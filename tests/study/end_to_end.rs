@@ -81,11 +81,12 @@ fn every_study_reports_in_text_numbers_and_pictures_and_trains_nothing_twice() {
         ("views", 10, 10),
         ("cloud", 8, 6 + 8),
         ("kernel", 4, 0),
-        ("potential", 8, 0),
-        // 3DGS and the paper's are there; the base, 6 with, the whole, 6 without, 2 set aside.
-        ("parts", 3 + 6 + 1 + 6 + 2, 1 + 6 + 1 + 6 + 2),
+        // 4 predictors of 3 presets, of which the default one is new.
+        ("potential", 12, 1),
+        // Those three are there; the base, 6 with, 6 without, 3 set aside.
+        ("parts", 3 + 6 + 1 + 6 + 3, 1 + 6 + 6 + 3),
         // With curves, so of their own.
-        ("presets", 6, 6),
+        ("presets", 7, 7),
         // All; 3 degrees, 5 caps, 4 counts, 3 lengths and a half of 32 px.
         ("need", 1 + 3 + 5 + 4 + 3 + 1, 3 + 5 + 4 + 3 + 1),
     ] {
@@ -153,7 +154,7 @@ fn what_is_left_of_a_study_is_done_and_what_another_left_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let args = format!("potential {TINY} --seeds 0,1");
     let (listed, _) = succeeds(folder.path(), &format!("{args} --list"));
-    assert_eq!(listed.matches("to train").count(), 4, "{listed}");
+    assert_eq!(listed.matches("to train").count(), 6, "{listed}");
     assert!(!folder.path().join("studies").exists());
     let (report, _) = succeeds(folder.path(), &args);
 
@@ -173,10 +174,10 @@ fn what_is_left_of_a_study_is_done_and_what_another_left_is_refused() {
         state("builtin-paper-seed0").contains("to measure"),
         "{listed}"
     );
-    assert_eq!(listed.matches(" done ").count(), 2, "{listed}");
+    assert_eq!(listed.matches(" done ").count(), 4, "{listed}");
     let (again, log) = succeeds(folder.path(), &args);
     assert_eq!(again, report);
-    assert!(log.contains("4 runs, 2 of them done already"), "{log}");
+    assert!(log.contains("6 runs, 4 of them done already"), "{log}");
 
     // Another config, another scene under the same name, and what is no run.
     let longer = args.replace("--iterations 3", "--iterations 4");
