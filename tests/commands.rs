@@ -126,7 +126,7 @@ fn a_run_holds_what_the_readme_says_and_can_be_evaluated_and_rendered() {
     let output = run(folder.path(), &args.split(' ').collect::<Vec<_>>());
     let log = String::from_utf8(output.stderr).unwrap();
     assert!(log.contains("1 of 700 Gaussians are not finite"), "{log}");
-    // The frame that a camera file's own cameras span sets the near plane alone.
+    // A run's cameras are rendered from with the run's near plane.
     assert_eq!(fs::read(at("d").join("test_00.png")).unwrap(), image);
 }
 

@@ -18,7 +18,7 @@ use crate::metrics::quantize;
 use crate::progress::Progress;
 use crate::render::{Kernels, Model, Rendered, Renderer, ViewUniform};
 use crate::report::{write_animation, write_exr, write_grey_png, write_png};
-use crate::run::file_names;
+use crate::run::{RunDir, file_names};
 use crate::scene::{LoadOptions, PointCloud};
 use crate::views::virtual_views;
 
@@ -131,7 +131,7 @@ fn choose(job: &RenderJob, config: &Config) -> Result<(Vec<Camera>, Frame)> {
         }
         CameraSource::File(path) => {
             let all = read_cameras(path)?;
-            let frame = around(&all);
+            let frame = frame_of_run(path, &all).unwrap_or_else(|| around(&all));
             let is_virtual = |camera: &&Camera| camera.name.starts_with("virtual_");
             let chosen = match &job.views {
                 None => all,
@@ -172,6 +172,18 @@ fn named(names: &[String], cameras: &[Camera]) -> Result<Vec<Camera>> {
             })
         })
         .collect()
+}
+
+/// The frame of the run whose `cameras.json` it is, so that near planes are where its evaluation has
+/// them; `None` where the file is no run's, or its training cameras span none.
+fn frame_of_run(path: &Path, all: &[Camera]) -> Option<Frame> {
+    let run = RunDir::open(path.parent()?).ok()?;
+    if run.cameras().file_name() != path.file_name() {
+        return None;
+    }
+    let train = named(&run.metrics().ok()?.scene.train_views, all).ok()?;
+    let focus = Focus::find(&train, &PointCloud::default()).ok()?;
+    Some(focus.frame())
 }
 
 /// A frame about cameras alone: their mean, and the greatest distance from it.
