@@ -1,7 +1,7 @@
 //! The configuration: its schema, the presets, overrides and validation.
 //!
-//! A preset is a JSON file in `configs/` that states every value; a user's config file states
-//! what it changes and, under `"preset"`, what it changes it from.
+//! A preset is a JSON file in `configs/` that states every value, or what it changes of another;
+//! a user's config file states what it changes and, under `"preset"`, what it changes it from.
 
 mod overlay;
 mod reference;

@@ -324,7 +324,10 @@ fn spz_files_hold_the_scene_within_a_step_of_each_value() {
 #[test]
 fn a_spz_file_reaches_as_far_as_its_numbers_and_no_farther() {
     let (_folder, path) = scratch("scene.spz");
-    let mut gaussians = distinct(3, 0);
+    let mut gaussians = distinct(3, 1);
+    gaussians.sh.fill(0.0);
+    // Red of the first coefficient of degree 1, whose sign changes: beyond what 32 bits count.
+    gaussians.sh[3] = -1e30;
     gaussians.means[1] = Vec3::new(0.0, -8_000_000.0, 5.0);
     assert_eq!(write_spz(&path, &gaussians).unwrap(), 3);
     let read = spz_rs::load_packed_gaussians_from_file(&path.to_str().unwrap().to_owned()).unwrap();
@@ -332,6 +335,8 @@ fn a_spz_file_reaches_as_far_as_its_numbers_and_no_farther() {
         .map(|k| read.unpack(k).position[1])
         .fold(0.0, f32::max);
     assert_eq!(farthest, 8_000_000.0);
+    let reds = (0..3).map(|k| read.unpack(k).sh_r[0]);
+    assert_eq!(reds.fold(0.0, f32::max), 127.0 / 128.0);
     gaussians.means[1].y = -9_000_000.0;
     let error = write_spz(&path, &gaussians).unwrap_err().to_string();
     assert!(

@@ -86,6 +86,8 @@ fn a_cut_out_subject_has_no_shell_and_no_filled_holes() {
         let supervision = &prepared.supervision;
         assert_eq!(supervision.shell.map_or(0, |shell| shell.count()), n_shell);
         assert_eq!(prepared.start.len(), 400 + n_shell);
+        let is_told = |warning: &String| warning.contains("no far shell");
+        assert_eq!(prepared.warnings.iter().any(is_told), n_shell == 0);
         let mut texels = supervision
             .virtual_views
             .iter()

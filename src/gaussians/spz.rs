@@ -1,4 +1,4 @@
-//! `.spz` files: Niantic's compressed format, version 2, a tenth of a PLY.
+//! `.spz` files: Niantic's compressed format, version 2, a tenth of a PLY or less.
 //!
 //! A gzip stream of a header of 16 bytes and then, each for all Gaussians: means as 24-bit fixed
 //! point, opacities, colours of degree 0, scales, rotations (x, y, z of the unit quaternion with
@@ -20,7 +20,7 @@ const VERSION: u32 = 2;
 /// Largest magnitude of a 24-bit coordinate.
 const MAX_FIXED: f32 = 8_388_607.0;
 
-/// Steps of a stored colour in one of degree 0's coefficient, of all 255.
+/// Share of the stored range that 1 of degree 0's coefficient takes.
 const COLOR_SCALE: f32 = 0.15;
 
 /// Steps of 1/128 to which SH coefficients are rounded: 3 bits less of 8 for degree 1, 4 for
@@ -108,6 +108,6 @@ fn byte(value: f32) -> u8 {
 }
 
 fn sh_byte(coefficient: f32, step: i32) -> u8 {
-    let level = (coefficient * 128.0).round() as i32 + 128;
+    let level = (coefficient * 128.0).round().clamp(-128.0, 127.0) as i32 + 128;
     ((level + step / 2).div_euclid(step) * step).clamp(0, 255) as u8
 }

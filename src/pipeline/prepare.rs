@@ -71,6 +71,11 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     }
     let mut warnings: Vec<String> = focus.fallback.into_iter().collect();
     warnings.extend(carved.as_ref().and_then(|c| c.warning.clone()));
+    if is_cut_out(scene) && (config.shell.count > 0 || config.loss.fill_weight > 0.0) {
+        warnings.push(
+            "the subject is cut out by its masks: no far shell and no filled holes".to_owned(),
+        );
+    }
     if virtual_views.len() < config.views.count {
         warnings.push(format!(
             "{} virtual views instead of {} (views.count): no other candidate reaches \

@@ -19,8 +19,8 @@ pub(super) struct Decoded {
 }
 
 /// Decodes the photograph and its mask, which is that of `masks` or else the photograph's alpha
-/// channel; puts the background behind it where the mask asks for that; undistorts both if the camera is no pinhole one; and scales both as `options` ask,
-/// the camera along with them.
+/// channel; puts the background behind it where the mask asks for that; undistorts both if the
+/// camera is no pinhole one; and scales both as `options` ask, the camera along with them.
 ///
 /// An EXIF orientation is not applied: poses are those of the pixels as stored.
 ///
