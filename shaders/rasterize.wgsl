@@ -32,14 +32,12 @@ fn rasterize(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) group
     var red_{r}: vec4f;
     var green_{r}: vec4f;
     var blue_{r}: vec4f;
+    // Negative once a pixel takes no more splats.
     var transmittance_{r}: vec4f;
-    // Transmittance of pixels that still take splats, 0 elsewhere.
-    var open_{r}: vec4f;
     var last_{r}: vec4u;
     #end
     #repeat r TILE_H
     transmittance_{r} = vec4f(1.0);
-    open_{r} = vec4f(1.0);
     #end
 
     let range = tile_ranges[tile];
@@ -50,35 +48,35 @@ fn rasterize(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) group
         let color = splats[2u * stride + id];
         let dx = px - s0.x;
         let number = vec4u(i - range.x + 1u);
-        var any_open = vec4f(0.0);
+        var most = vec4f(-1.0);
         #repeat r TILE_H
         {
             let dy = py + {r}.0 - s0.y;
             let t_y = s1.x * dy;
             let t_x = s0.z * dx + s0.w * dy;
-            let alpha = min(vec4f(ALPHA_MAX), s1.y * exp2_negative(-(t_x * t_x + t_y * t_y)));
-            let next = open_{r} * (1.0 - alpha);
-            let drawn = alpha >= vec4f(ALPHA_MIN);
+            let raw = s1.y * exp2_negative(-(t_x * t_x + t_y * t_y));
+            let drawn = raw >= vec4f(ALPHA_MIN);
+            // 0 leaves everything below as it is, to the bit.
+            let alpha = select(vec4f(0.0), min(vec4f(ALPHA_MAX), raw), drawn);
+            let next = transmittance_{r} * (1.0 - alpha);
             let kept = next > vec4f(TRANSMITTANCE_MIN);
-            let blended = drawn & kept;
-            let weight = select(vec4f(0.0), alpha * open_{r}, blended);
+            let weight = select(vec4f(0.0), alpha * transmittance_{r}, kept);
             red_{r} += color.x * weight;
             green_{r} += color.y * weight;
             blue_{r} += color.z * weight;
-            transmittance_{r} = select(transmittance_{r}, next, blended);
-            last_{r} = select(last_{r}, number, blended);
-            open_{r} = select(select(open_{r}, vec4f(0.0), drawn), next, blended);
-            any_open += open_{r};
+            last_{r} = select(last_{r}, number, drawn & kept);
+            transmittance_{r} = select(-abs(transmittance_{r}), next, kept);
+            most = max(most, transmittance_{r});
         }
         #end
-        if (all(any_open == vec4f(0.0))) {
+        if (all(most < vec4f(0.0))) {
             break;
         }
     }
 
     #repeat r TILE_H
     {
-        let t = transmittance_{r};
+        let t = abs(transmittance_{r});
         rendered[plane_index(view, 0u, x4, y + {r}u)] = red_{r} + view.background.x * t;
         rendered[plane_index(view, 1u, x4, y + {r}u)] = green_{r} + view.background.y * t;
         rendered[plane_index(view, 2u, x4, y + {r}u)] = blue_{r} + view.background.z * t;

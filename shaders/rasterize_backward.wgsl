@@ -78,12 +78,12 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgrou
         let s1 = splats[stride + id];
         let color = splats[2u * stride + id];
         let dx = px - s0.x;
-        var sum_v = vec4f(0.0);
-        var sum_x = vec4f(0.0);
-        var sum_y = vec4f(0.0);
+        var sum_v = 0.0;
+        var sum_x = 0.0;
+        var sum_y = 0.0;
         var sum_xx = vec4f(0.0);
-        var sum_xy = vec4f(0.0);
-        var sum_yy = vec4f(0.0);
+        var sum_xy = 0.0;
+        var sum_yy = 0.0;
         var sum_r = vec4f(0.0);
         var sum_g = vec4f(0.0);
         var sum_b = vec4f(0.0);
@@ -93,30 +93,33 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgrou
             let t_y = s1.x * dy;
             let t_x = s0.z * dx + s0.w * dy;
             let raw = s1.y * exp2_negative(-(t_x * t_x + t_y * t_y));
-            let alpha = min(vec4f(ALPHA_MAX), raw);
-            let blended = (alpha >= vec4f(ALPHA_MIN)) & (vec4u(number) <= last_{r});
+            let blended = (raw >= vec4f(ALPHA_MIN)) & (vec4u(number) <= last_{r});
+            // 0 leaves the transmittance and what is behind as they are, to the bit.
+            let alpha = select(vec4f(0.0), min(vec4f(ALPHA_MAX), raw), blended);
             let inverse = 1.0 / (1.0 - alpha);
-            let before = select(transmittance_{r}, transmittance_{r} * inverse, blended);
-            let weight = select(vec4f(0.0), alpha * before, blended);
+            let before = transmittance_{r} * inverse;
+            let weight = alpha * before;
             let shade = d_red_{r} * color.x + d_green_{r} * color.y + d_blue_{r} * color.z;
             let d_alpha = before * shade - behind_{r} * inverse;
-            let v = select(vec4f(0.0), d_alpha * alpha, blended & (raw < vec4f(ALPHA_MAX)));
+            let v = select(vec4f(0.0), d_alpha * alpha, raw < vec4f(ALPHA_MAX));
             transmittance_{r} = before;
             behind_{r} += weight * shade;
             let v_x = v * t_x;
-            sum_v += v;
-            sum_x += v_x;
-            sum_y += v * t_y;
+            let row_v = sum4(v);
+            let row_x = sum4(v_x);
+            sum_v += row_v;
+            sum_x += row_x;
+            sum_y += row_v * t_y;
             sum_xx += v_x * t_x;
-            sum_xy += v_x * t_y;
-            sum_yy += v * (t_y * t_y);
+            sum_xy += row_x * t_y;
+            sum_yy += row_v * (t_y * t_y);
             sum_r += weight * d_red_{r};
             sum_g += weight * d_green_{r};
             sum_b += weight * d_blue_{r};
         }
         #end
-        d_pair_a[pair] = vec4f(sum4(sum_v), sum4(sum_x), sum4(sum_y), sum4(sum_xx));
-        d_pair_b[pair] = vec4f(sum4(sum_xy), sum4(sum_yy), sum4(sum_r), sum4(sum_g));
+        d_pair_a[pair] = vec4f(sum_v, sum_x, sum_y, sum4(sum_xx));
+        d_pair_b[pair] = vec4f(sum_xy, sum_yy, sum4(sum_r), sum4(sum_g));
         d_pair_c[pair] = sum4(sum_b);
     }
 }
