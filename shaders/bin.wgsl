@@ -31,8 +31,8 @@ fn bin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec
         return;
     }
     let id = depth_order[rank].y;
-    let s0 = splats[id];
-    let s1 = splats[stride + id];
+    let s0 = splats[3u * id];
+    let s1 = splats[3u * id + 1u];
     var n_pairs = 0u;
     if (s1.w > 0.0) {
         var first = 0u;

@@ -12,7 +12,7 @@ fn depth_keys(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) grou
     if (id >= view.counts.x) {
         return;
     }
-    let s1 = splats[view.counts.y + id];
+    let s1 = splats[3u * id + 1u];
     // Depths lie beyond the near plane, so that their bits, which order as they do, fit 30 bits.
     let key = bitcast<u32>(s1.z) - bitcast<u32>(view.center_near.w);
     depth_order[id] = vec2u(select(0x3fffffffu, min(key, 0x3ffffffeu), s1.w > 0.0), id);

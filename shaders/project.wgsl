@@ -29,7 +29,7 @@ fn project(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups:
     let g1 = geometry[stride + id];
     let g2 = geometry[2u * stride + id];
     let g = Gaussian(g0.xyz, g0.w, g1.xyz, g2);
-    splats[stride + id] = vec4f(0.0);
+    splats[3u * id + 1u] = vec4f(0.0);
     if (is_dropped(view, id, g.mean, g1.w)) {
         return;
     }
@@ -81,7 +81,7 @@ fn project(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups:
         return;
     }
 
-    splats[id] = vec4f(mean2d, l_xx, l_xy);
-    splats[stride + id] = vec4f(l_yy, opacity, o.p.z, reach);
-    splats[2u * stride + id] = vec4f(max(color, vec3f(0.0)), 0.0);
+    splats[3u * id] = vec4f(mean2d, l_xx, l_xy);
+    splats[3u * id + 1u] = vec4f(l_yy, opacity, o.p.z, reach);
+    splats[3u * id + 2u] = vec4f(max(color, vec3f(0.0)), 0.0);
 }

@@ -64,9 +64,9 @@ fn project_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
     let g1 = geometry[stride + id];
     let g2 = geometry[2u * stride + id];
     let g = Gaussian(g0.xyz, g0.w, g1.xyz, g2);
-    let s0 = splats[id];
-    let s1 = splats[stride + id];
-    let color = splats[2u * stride + id].xyz;
+    let s0 = splats[3u * id];
+    let s1 = splats[3u * id + 1u];
+    let color = splats[3u * id + 2u].xyz;
     let o = project_gaussian(view, g);
     let l_xx = s0.z;
     let l_xy = s0.w;

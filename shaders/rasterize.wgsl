@@ -43,9 +43,9 @@ fn rasterize(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) group
     let range = tile_ranges[tile];
     for (var i = range.x; i < range.y; i++) {
         let id = pair_gaussian[tile_pairs[i].y];
-        let s0 = splats[id];
-        let s1 = splats[stride + id];
-        let color = splats[2u * stride + id];
+        let s0 = splats[3u * id];
+        let s1 = splats[3u * id + 1u];
+        let color = splats[3u * id + 2u];
         let dx = px - s0.x;
         let number = vec4u(i - range.x + 1u);
         var most = vec4f(-1.0);

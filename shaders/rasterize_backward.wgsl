@@ -74,9 +74,9 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgrou
     for (var number = n_blended; number > 0u; number--) {
         let pair = tile_pairs[range.x + number - 1u].y;
         let id = pair_gaussian[pair];
-        let s0 = splats[id];
-        let s1 = splats[stride + id];
-        let color = splats[2u * stride + id];
+        let s0 = splats[3u * id];
+        let s1 = splats[3u * id + 1u];
+        let color = splats[3u * id + 2u];
         let dx = px - s0.x;
         var sum_v = 0.0;
         var sum_x = 0.0;
