@@ -10,6 +10,7 @@
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> splats: array<vec4f>;
 @group(0) @binding(2) var<storage, read> tile_ranges: array<vec2u>;
+@group(0) @binding(12) var<storage, read> tile_order: array<u32>;
 @group(0) @binding(3) var<storage, read> tile_pairs: array<vec2u>;
 @group(0) @binding(11) var<storage, read> pair_gaussian: array<u32>;
 @group(0) @binding(4) var<storage, read> rendered: array<vec4f>;
@@ -30,7 +31,8 @@ fn sum4(v: vec4f) -> f32 {
 
 @compute @workgroup_size(WORKGROUP)
 fn rasterize_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let tile = (group.y * groups.x + group.x) * WORKGROUP + local;
+    // Beyond the last block this reads another's entry or, held to the bounds, the last.
+    let tile = tile_order[(group.y * groups.x + group.x) * WORKGROUP + local];
     if (tile >= view.size.z * view.size.w || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }

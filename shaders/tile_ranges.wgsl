@@ -1,9 +1,14 @@
 // Finds where each tile's pairs begin and end in the sorted pairs: one thread a pair. Tiles
 // without pairs keep the empty range that the buffer was cleared to.
+#import shared/view
+
 @group(0) @binding(0) var<storage, read> totals: array<u32>;
 // (tile, pair), sorted by tile, front to back within one.
 @group(0) @binding(1) var<storage, read> tile_pairs: array<vec2u>;
 @group(0) @binding(2) var<storage, read_write> tile_ranges: array<vec2u>;
+@group(0) @binding(3) var<uniform> view: View;
+// Per thread of the rasterizers its tile, one past the last where it has none.
+@group(0) @binding(4) var<storage, read_write> tile_order: array<u32>;
 
 @compute @workgroup_size(WORKGROUP)
 fn find_tile_ranges(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
@@ -18,5 +23,37 @@ fn find_tile_ranges(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
     }
     if (i + 1u == n || tile_pairs[min(i + 1u, n - 1u)].x != tile) {
         tile_ranges[tile].y = i + 1u;
+    }
+}
+
+var<workgroup> lengths: array<u32, WORKGROUP>;
+
+// Orders the tiles of each block by the length of their lists, longest first, tiles outside the
+// image last: one workgroup a block. Threads that run in lockstep then have lists of about one
+// length, and few wait for another; blocks keep together what lies together in the image.
+@compute @workgroup_size(WORKGROUP)
+fn order_tiles(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let block = group.y * groups.x + group.x;
+    let n_across = (view.size.z + BLOCK_W - 1u) / BLOCK_W;
+    let n_down = (view.size.w + BLOCK_H - 1u) / BLOCK_H;
+    let x = (block % n_across) * BLOCK_W + local % BLOCK_W;
+    let y = (block / n_across) * BLOCK_H + local / BLOCK_W;
+    let inside = x < view.size.z && y < view.size.w;
+    let tile = select(view.size.z * view.size.w, y * view.size.z + x, inside);
+    // One more than the length, 0 outside.
+    var length = 0u;
+    if (inside) {
+        let range = tile_ranges[tile];
+        length = 1u + range.y - range.x;
+    }
+    lengths[local] = length;
+    workgroupBarrier();
+    var rank = 0u;
+    for (var i = 0u; i < WORKGROUP; i++) {
+        let other = lengths[i];
+        rank += select(0u, 1u, other > length || (other == length && i < local));
+    }
+    if (block < n_across * n_down) {
+        tile_order[block * WORKGROUP + rank] = tile;
     }
 }

@@ -7,6 +7,9 @@ pub const WORKGROUP: u32 = 64;
 /// Tile size, pixels. A thread owns a tile, four pixels a vector.
 pub const TILE_W: u32 = 4;
 pub const TILE_H: u32 = 8;
+/// Tiles across and down of a block, within which tiles are ordered: one a thread of a workgroup.
+pub const BLOCK_W: u32 = 16;
+pub const BLOCK_H: u32 = WORKGROUP / BLOCK_W;
 /// Counts a thread sums serially in scans and sums.
 pub const SCAN_CHUNK: u32 = 32;
 /// Entries a thread of a radix sort moves; below 256. Bits of a digit, and of a depth key.
@@ -63,6 +66,8 @@ pub fn prelude(sh_degree: u32) -> String {
         ("WORKGROUP", WORKGROUP),
         ("TILE_W", TILE_W),
         ("TILE_H", TILE_H),
+        ("BLOCK_W", BLOCK_W),
+        ("BLOCK_H", BLOCK_H),
         ("SCAN_CHUNK", SCAN_CHUNK),
         ("RADIX_CHUNK", RADIX_CHUNK),
         ("RADIX_BITS", RADIX_BITS),

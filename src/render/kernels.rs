@@ -17,6 +17,7 @@ pub struct Kernels {
     pub(super) scan_blocks: Kernel,
     pub(super) scan_spread: Kernel,
     pub(super) find_tile_ranges: Kernel,
+    pub(super) order_tiles: Kernel,
     pub(super) rasterize: Kernel,
     pub(super) ssim: [Kernel; 4],
     pub(super) loss_blocks: Kernel,
@@ -41,6 +42,7 @@ impl Kernels {
             || rayon::join(|| kernel("rasterize"), || kernel("rasterize_backward")),
         );
         let (ssim, scan) = rayon::join(|| stage("ssim", 0), || stage("scan", 0));
+        let tile_ranges = stage("tile_ranges", 0);
         let (radix, loss) = rayon::join(|| stage("radix", 0), || stage("loss_sum", 0));
         Kernels {
             project,
@@ -51,7 +53,8 @@ impl Kernels {
             scan_reduce: scan.kernel(gpu, "scan_reduce"),
             scan_blocks: scan.kernel(gpu, "scan_blocks"),
             scan_spread: scan.kernel(gpu, "scan_spread"),
-            find_tile_ranges: stage("tile_ranges", 0).kernel(gpu, "find_tile_ranges"),
+            find_tile_ranges: tile_ranges.kernel(gpu, "find_tile_ranges"),
+            order_tiles: tile_ranges.kernel(gpu, "order_tiles"),
             rasterize,
             ssim: [
                 "ssim_horizontal",
@@ -84,6 +87,7 @@ pub(super) struct Groups {
     pub(super) bin_emit: wgpu::BindGroup,
     pub(super) scan_pairs: [wgpu::BindGroup; 3],
     pub(super) find_tile_ranges: wgpu::BindGroup,
+    pub(super) order_tiles: wgpu::BindGroup,
     pub(super) rasterize: wgpu::BindGroup,
     pub(super) backward: Option<BackwardGroups>,
 }
@@ -154,6 +158,7 @@ impl Groups {
             bin_emit: with(&[("mode", &space.emit)], &kernels.bin),
             scan_pairs: scan(&space.slots[slot].scan_pairs, &space.splat_pairs),
             find_tile_ranges: with(&[], &kernels.find_tile_ranges),
+            order_tiles: with(&[], &kernels.order_tiles),
             rasterize: with(&[], &kernels.rasterize),
             backward: space.backward.as_ref().map(|_| BackwardGroups {
                 ssim: [0, 1, 2, 3].map(|i| with(&[], &kernels.ssim[i])),

@@ -5,7 +5,9 @@ use super::model::Model;
 use super::pose::{PoseGradient, PoseKernels};
 use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use super::workspace::{Workspace, n_chunks, n_partials};
-use crate::gpu::constants::{RADIX_BITS, SCAN_CHUNK, TOTAL_DIGITS, TOTAL_PAIRS};
+use crate::gpu::constants::{
+    BLOCK_H, BLOCK_W, RADIX_BITS, SCAN_CHUNK, TOTAL_DIGITS, TOTAL_PAIRS, WORKGROUP,
+};
 use crate::gpu::{Commands, Gpu, shader_count};
 
 /// One view being recorded: the kernels, buffers and bind groups that its stages need.
@@ -84,6 +86,7 @@ impl<'a> Pass<'a> {
         self.emit_pairs(commands);
         self.sort_by_tile(commands);
         self.find_tile_ranges(commands);
+        self.order_tiles(commands);
         self.rasterize(commands);
     }
 
@@ -134,10 +137,19 @@ impl<'a> Pass<'a> {
         commands.dispatch(kernel, group, self.room());
     }
 
+    /// Fills `tile_order`.
+    pub fn order_tiles(&self, commands: &mut Commands<'_>) {
+        let (kernel, group) = (&self.kernels.order_tiles, &self.groups().order_tiles);
+        commands.dispatch(kernel, group, self.tile_threads());
+    }
+
     /// Fills `rendered`.
     pub fn rasterize(&self, commands: &mut Commands<'_>) {
-        let n_tiles = self.view.n_tiles() as u64;
-        commands.dispatch(&self.kernels.rasterize, &self.groups().rasterize, n_tiles);
+        commands.dispatch(
+            &self.kernels.rasterize,
+            &self.groups().rasterize,
+            self.tile_threads(),
+        );
     }
 
     fn groups(&self) -> &Groups {
@@ -147,6 +159,14 @@ impl<'a> Pass<'a> {
     /// Gaussians.
     fn n(&self) -> u64 {
         u64::from(self.view.counts[0])
+    }
+
+    /// Threads of the rasterizers: whole blocks of tiles.
+    fn tile_threads(&self) -> u64 {
+        let [_, _, across, down] = self.view.size.map(u64::from);
+        across.div_ceil(u64::from(BLOCK_W))
+            * down.div_ceil(u64::from(BLOCK_H))
+            * u64::from(WORKGROUP)
     }
 
     /// Pairs that there is room for.
@@ -208,8 +228,11 @@ impl<'a> Pass<'a> {
         let Some(groups) = &self.groups().backward else {
             return;
         };
-        let n_tiles = self.view.n_tiles() as u64;
-        commands.dispatch(&self.kernels.rasterize_backward, &groups.rasterize, n_tiles);
+        commands.dispatch(
+            &self.kernels.rasterize_backward,
+            &groups.rasterize,
+            self.tile_threads(),
+        );
     }
 
     /// Carries the pairs' gradients back to `d_geometry` and `d_color`.
