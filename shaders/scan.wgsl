@@ -1,5 +1,5 @@
 // Exclusive prefix sum of counts in place, in three dispatches: sums of blocks, scan of the sums
-// by one workgroup, then the blocks. Additions saturate, so that a total beyond 2^32 is seen as
+// by one workgroup, then the blocks; few counts in one. Additions saturate, so that a total beyond 2^32 is seen as
 // too large instead of wrapping.
 #import shared/radix
 
@@ -60,6 +60,28 @@ fn scan_workgroup(local: u32) -> u32 {
 
 var<workgroup> block_total: u32;
 
+// Turns a chunk into its exclusive sums; `before` is the sum of all before it.
+fn spread(first: u32, before: u32) {
+    var sum = before;
+    for (var i = first; i < min(first + SCAN_CHUNK, n_counts()); i++) {
+        let c = counts[i];
+        counts[i] = sum;
+        sum = saturating_add(sum, c);
+    }
+}
+
+fn keep_total(total: u32) {
+    totals[scan.total] = total;
+    if (scan.capacity != 0u) {
+        totals[TOTAL_MAX] = max(totals[TOTAL_MAX], total);
+    }
+    if (scan.capacity != 0u && total > scan.capacity && totals[TOTAL_OVERFLOW] == 0u) {
+        // Sticky: every later stage of this and of the following steps does nothing until the
+        // host has made room and cleared it.
+        totals[TOTAL_OVERFLOW] = scan.step;
+    }
+}
+
 @compute @workgroup_size(WORKGROUP)
 fn scan_reduce(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
     let block = group.y * groups.x + group.x;
@@ -88,15 +110,7 @@ fn scan_blocks(@builtin(local_invocation_index) local: u32) {
         sum = saturating_add(sum, s);
     }
     if (local == 0u) {
-        totals[scan.total] = total;
-        if (scan.capacity != 0u) {
-            totals[TOTAL_MAX] = max(totals[TOTAL_MAX], total);
-        }
-        if (scan.capacity != 0u && total > scan.capacity && totals[TOTAL_OVERFLOW] == 0u) {
-            // Sticky: every later stage of this and of the following steps does nothing until the
-            // host has made room and cleared it.
-            totals[TOTAL_OVERFLOW] = scan.step;
-        }
+        keep_total(total);
     }
 }
 
@@ -109,10 +123,21 @@ fn scan_spread(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gro
     if (block * BLOCK >= n_counts()) {
         return;
     }
-    var sum = saturating_add(block_sums[block], sums[local]);
-    for (var i = first; i < min(first + SCAN_CHUNK, n_counts()); i++) {
-        let c = counts[i];
-        counts[i] = sum;
-        sum = saturating_add(sum, c);
+    spread(first, saturating_add(block_sums[block], sums[local]));
+}
+
+// All of it in one dispatch, for at most SCAN_FEW blocks.
+@compute @workgroup_size(WORKGROUP)
+fn scan_few(@builtin(local_invocation_index) local: u32) {
+    var before = 0u;
+    for (var block = 0u; block < SCAN_FEW; block++) {
+        let first = block * BLOCK + local * SCAN_CHUNK;
+        sums[local] = chunk_sum(first);
+        let total = scan_workgroup(local);
+        spread(first, saturating_add(before, sums[local]));
+        before = saturating_add(before, total);
+    }
+    if (local == 0u) {
+        keep_total(before);
     }
 }

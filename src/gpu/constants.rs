@@ -12,6 +12,8 @@ pub const BLOCK_W: u32 = 16;
 pub const BLOCK_H: u32 = WORKGROUP / BLOCK_W;
 /// Counts a thread sums serially in scans and sums.
 pub const SCAN_CHUNK: u32 = 32;
+/// Blocks of WORKGROUP chunks that one workgroup scans alone.
+pub const SCAN_FEW: u32 = 4;
 /// Entries a thread of a radix sort moves; below 256. Bits of a digit, and of a depth key.
 pub const RADIX_CHUNK: u32 = 128;
 pub const RADIX_BITS: u32 = 4;
@@ -69,6 +71,7 @@ pub fn prelude(sh_degree: u32) -> String {
         ("BLOCK_W", BLOCK_W),
         ("BLOCK_H", BLOCK_H),
         ("SCAN_CHUNK", SCAN_CHUNK),
+        ("SCAN_FEW", SCAN_FEW),
         ("RADIX_CHUNK", RADIX_CHUNK),
         ("RADIX_BITS", RADIX_BITS),
         ("SSIM_ROWS", SSIM_ROWS),

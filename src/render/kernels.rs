@@ -16,6 +16,7 @@ pub struct Kernels {
     pub(super) scan_reduce: Kernel,
     pub(super) scan_blocks: Kernel,
     pub(super) scan_spread: Kernel,
+    pub(super) scan_few: Kernel,
     pub(super) find_tile_ranges: Kernel,
     pub(super) order_tiles: Kernel,
     pub(super) rasterize: Kernel,
@@ -53,6 +54,7 @@ impl Kernels {
             scan_reduce: scan.kernel(gpu, "scan_reduce"),
             scan_blocks: scan.kernel(gpu, "scan_blocks"),
             scan_spread: scan.kernel(gpu, "scan_spread"),
+            scan_few: scan.kernel(gpu, "scan_few"),
             find_tile_ranges: tile_ranges.kernel(gpu, "find_tile_ranges"),
             order_tiles: tile_ranges.kernel(gpu, "order_tiles"),
             rasterize,
@@ -85,7 +87,7 @@ pub(super) struct Groups {
     pub(super) pair_passes: Vec<RadixGroups>,
     pub(super) bin_count: wgpu::BindGroup,
     pub(super) bin_emit: wgpu::BindGroup,
-    pub(super) scan_pairs: [wgpu::BindGroup; 3],
+    pub(super) scan_pairs: ScanGroups,
     pub(super) find_tile_ranges: wgpu::BindGroup,
     pub(super) order_tiles: wgpu::BindGroup,
     pub(super) rasterize: wgpu::BindGroup,
@@ -94,8 +96,14 @@ pub(super) struct Groups {
 
 pub(super) struct RadixGroups {
     pub(super) count: wgpu::BindGroup,
-    pub(super) scan: [wgpu::BindGroup; 3],
+    pub(super) scan: ScanGroups,
     pub(super) shift: wgpu::BindGroup,
+}
+
+pub(super) struct ScanGroups {
+    /// Of `scan_reduce`, `scan_blocks` and `scan_spread`.
+    pub(super) many: [wgpu::BindGroup; 3],
+    pub(super) few: wgpu::BindGroup,
 }
 
 pub(super) struct BackwardGroups {
@@ -124,12 +132,16 @@ impl Groups {
             kernel.bind(gpu, &all)
         };
         let scan = |uniform: &Buffer, counts: &Buffer| {
-            [
+            let bind = |kernel| with(&[("scan", uniform), ("counts", counts)], kernel);
+            let many = [
                 &kernels.scan_reduce,
                 &kernels.scan_blocks,
                 &kernels.scan_spread,
-            ]
-            .map(|kernel| with(&[("scan", uniform), ("counts", counts)], kernel))
+            ];
+            ScanGroups {
+                many: many.map(bind),
+                few: bind(&kernels.scan_few),
+            }
         };
         let radix = |passes: &[Buffer], entries: &[Buffer; 2], uniform: &Buffer| {
             let pass = |(i, pass): (usize, &Buffer)| {

@@ -1,12 +1,12 @@
 //! The dispatches of one view: forward, loss, backward.
 
-use super::kernels::{Bound, Groups, Kernels, RadixGroups};
+use super::kernels::{Bound, Groups, Kernels, RadixGroups, ScanGroups};
 use super::model::Model;
 use super::pose::{PoseGradient, PoseKernels};
 use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use super::workspace::{Workspace, n_chunks, n_partials};
 use crate::gpu::constants::{
-    BLOCK_H, BLOCK_W, RADIX_BITS, SCAN_CHUNK, TOTAL_DIGITS, TOTAL_PAIRS, WORKGROUP,
+    BLOCK_H, BLOCK_W, RADIX_BITS, SCAN_CHUNK, SCAN_FEW, TOTAL_DIGITS, TOTAL_PAIRS, WORKGROUP,
 };
 use crate::gpu::{Commands, Gpu, shader_count};
 
@@ -184,12 +184,16 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// Exclusive prefix sum of `n` counts.
-    fn scan(&self, commands: &mut Commands<'_>, groups: &[wgpu::BindGroup; 3], n: u64) {
+    /// Exclusive prefix sum of at most `n` counts.
+    fn scan(&self, commands: &mut Commands<'_>, groups: &ScanGroups, n: u64) {
+        if n <= u64::from(SCAN_FEW * WORKGROUP * SCAN_CHUNK) {
+            commands.dispatch(&self.kernels.scan_few, &groups.few, 1);
+            return;
+        }
         let threads = n.div_ceil(u64::from(SCAN_CHUNK));
-        commands.dispatch(&self.kernels.scan_reduce, &groups[0], threads);
-        commands.dispatch(&self.kernels.scan_blocks, &groups[1], 1);
-        commands.dispatch(&self.kernels.scan_spread, &groups[2], threads);
+        commands.dispatch(&self.kernels.scan_reduce, &groups.many[0], threads);
+        commands.dispatch(&self.kernels.scan_blocks, &groups.many[1], 1);
+        commands.dispatch(&self.kernels.scan_spread, &groups.many[2], threads);
     }
 
     /// The image loss of `workspace.rendered` against `goal`, and its gradient in `d_rendered`.
