@@ -9,15 +9,16 @@
 #import shared/view
 #import shared/loss
 
-const N_MOMENTS = 5u;
-const NORM_PLANE = 15u;
+const N_MOMENTS = 4u;
+const NORM_PLANE = 12u;
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> loss: Loss;
 @group(0) @binding(2) var<storage, read> rendered: array<vec4f>;
 // RGBA8, unpadded rows; alpha is the pixel's weight, 255 for 1.
 @group(0) @binding(3) var<storage, read> goal: array<u32>;
-// Planes 5c..5c+4: horizontal moments x, y, xx, yy, xy of channel c; 15: window weight. Later
+// Planes 4c..4c+3: horizontal moments x, y, xx + yy, xy of channel c (SSIM needs the variances'
+// sum alone); 12: window weight. Later
 // planes 3c..3c+2: horizontal sums of the derivatives.
 @group(0) @binding(4) var<storage, read_write> moments: array<vec4f>;
 // Planes 3c..3c+2: derivative of the loss to the moments x, xx, xy of channel c.
@@ -46,12 +47,10 @@ fn tap_8(s: Strip) -> vec4f { return vec4f(s.v2.w, s.v3.xyz); }
 fn tap_9(s: Strip) -> vec4f { return s.v3; }
 fn tap_10(s: Strip) -> vec4f { return vec4f(s.v3.yzw, s.v4.x); }
 
+// The window is symmetric.
 fn convolve(s: Strip) -> vec4f {
-    var sum = vec4f(0.0);
-    #repeat k SSIM_WINDOW
-    sum += WINDOW[{k}] * tap_{k}(s);
-    #end
-    return sum;
+    return WINDOW[5] * tap_5(s) + WINDOW[4] * (tap_4(s) + tap_6(s)) + WINDOW[3] * (tap_3(s) + tap_7(s))
+        + WINDOW[2] * (tap_2(s) + tap_8(s)) + WINDOW[1] * (tap_1(s) + tap_9(s)) + WINDOW[0] * (tap_0(s) + tap_10(s));
 }
 
 fn texel(x: i32, y: u32) -> u32 {
@@ -114,38 +113,24 @@ fn ssim_horizontal(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups)
     for (var channel = 0u; channel < 3u; channel++) {
         var x: Strip;
         var y: Strip;
+        var squares: Strip;
+        var product: Strip;
         #repeat b 5
         {
             let x4 = u32(clamp(i32(at.x4) + {b} - 2, 0, i32(view.planes.y) - 1));
-            x.v{b} = rendered[plane_index(view, channel, x4, at.y)];
-            y.v{b} = channel_of(raw_{b}, channel);
+            let v_x = rendered[plane_index(view, channel, x4, at.y)];
+            let v_y = channel_of(raw_{b}, channel);
+            x.v{b} = m.v{b} * v_x;
+            y.v{b} = m.v{b} * v_y;
+            squares.v{b} = x.v{b} * v_x + y.v{b} * v_y;
+            product.v{b} = x.v{b} * v_y;
         }
         #end
         let plane = N_MOMENTS * channel;
-        var m_x = vec4f(0.0);
-        var m_y = vec4f(0.0);
-        var m_xx = vec4f(0.0);
-        var m_yy = vec4f(0.0);
-        var m_xy = vec4f(0.0);
-        #repeat k SSIM_WINDOW
-        {
-            let v_x = tap_{k}(x);
-            let v_y = tap_{k}(y);
-            let w = WINDOW[{k}] * tap_{k}(m);
-            let w_x = w * v_x;
-            let w_y = w * v_y;
-            m_x += w_x;
-            m_y += w_y;
-            m_xx += w_x * v_x;
-            m_yy += w_y * v_y;
-            m_xy += w_x * v_y;
-        }
-        #end
-        moments[plane_index(view, plane, at.x4, at.y)] = m_x;
-        moments[plane_index(view, plane + 1u, at.x4, at.y)] = m_y;
-        moments[plane_index(view, plane + 2u, at.x4, at.y)] = m_xx;
-        moments[plane_index(view, plane + 3u, at.x4, at.y)] = m_yy;
-        moments[plane_index(view, plane + 4u, at.x4, at.y)] = m_xy;
+        moments[plane_index(view, plane, at.x4, at.y)] = convolve(x);
+        moments[plane_index(view, plane + 1u, at.x4, at.y)] = convolve(y);
+        moments[plane_index(view, plane + 2u, at.x4, at.y)] = convolve(squares);
+        moments[plane_index(view, plane + 3u, at.x4, at.y)] = convolve(product);
     }
 }
 
@@ -187,9 +172,8 @@ fn ssim_vertical(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
     let plane = N_MOMENTS * at.channel;
     let m_x = convolve_columns(plane, at.x4, at.y);
     let m_y = convolve_columns(plane + 1u, at.x4, at.y);
-    let m_xx = convolve_columns(plane + 2u, at.x4, at.y);
-    let m_yy = convolve_columns(plane + 3u, at.x4, at.y);
-    let m_xy = convolve_columns(plane + 4u, at.x4, at.y);
+    let m_squares = convolve_columns(plane + 2u, at.x4, at.y);
+    let m_xy = convolve_columns(plane + 3u, at.x4, at.y);
     var norm: Rows;
     if (loss.masked != 0u) {
         norm = convolve_columns(NORM_PLANE, at.x4, at.y);
@@ -204,13 +188,14 @@ fn ssim_vertical(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
         }
         let mu_x = m_x.r{r} * inv_norm;
         let mu_y = m_y.r{r} * inv_norm;
-        let var_x = m_xx.r{r} * inv_norm - mu_x * mu_x;
-        let var_y = m_yy.r{r} * inv_norm - mu_y * mu_y;
+        let mu_squares = mu_x * mu_x + mu_y * mu_y;
+        // Of both images together.
+        let variance = m_squares.r{r} * inv_norm - mu_squares;
         let cov = m_xy.r{r} * inv_norm - mu_x * mu_y;
         let n_1 = 2.0 * mu_x * mu_y + SSIM_C1;
         let n_2 = 2.0 * cov + SSIM_C2;
-        let d_1 = mu_x * mu_x + mu_y * mu_y + SSIM_C1;
-        let d_2 = var_x + var_y + SSIM_C2;
+        let d_1 = mu_squares + SSIM_C1;
+        let d_2 = variance + SSIM_C2;
         let inv = 1.0 / (d_1 * d_2);
         let s = n_1 * n_2 * inv;
         sum += weight * s;

@@ -72,7 +72,7 @@ impl WorkspaceBytes {
                 + words(n_scan_blocks(capacity)),
             image: vectors(4 * plane) + vectors(plane) + two_words(tiles),
             goals: 2 * words(pixels),
-            loss: vectors(16 * plane)
+            loss: vectors(13 * plane)
                 + vectors(9 * plane)
                 + vectors(4 * plane)
                 + 2 * two_words(partials)

@@ -258,7 +258,7 @@ impl Backward {
                 Buffer::storage::<u32>(gpu, "goal 0", pixels)?,
                 Buffer::storage::<u32>(gpu, "goal 1", pixels)?,
             ],
-            moments: Buffer::storage::<[f32; 4]>(gpu, "moments", 16 * plane)?,
+            moments: Buffer::storage::<[f32; 4]>(gpu, "moments", 13 * plane)?,
             derivatives: Buffer::storage::<[f32; 4]>(gpu, "derivatives", 9 * plane)?,
             d_rendered: Buffer::storage::<[f32; 4]>(gpu, "d_rendered", 4 * plane)?,
             partials: Buffer::storage::<[f32; 2]>(gpu, "partials", n_partials)?,
