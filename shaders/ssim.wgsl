@@ -27,10 +27,27 @@ const NORM_PLANE = 12u;
 // Per thread of the vertical passes: sum of SSIM, sum of |x - y|.
 @group(0) @binding(7) var<storage, read_write> partials: array<vec2f>;
 
-// 20 pixels of a row: from 8 before the thread's four to 8 after.
+// Vectors of four pixels that a thread of the horizontal passes covers.
+const N_ACROSS = 4u;
+
+// 20 pixels of a row: from 8 before four pixels to 8 after.
 struct Strip {
     #repeat b 5
     v{b}: vec4f,
+    #end
+}
+
+// 32 pixels of a row: from 8 before the thread's sixteen to 8 after.
+struct Wide {
+    #repeat b 8
+    v{b}: vec4f,
+    #end
+}
+
+// Sums for the thread's sixteen pixels.
+struct Quad {
+    #repeat j 4
+    v{j}: vec4f,
     #end
 }
 
@@ -51,6 +68,24 @@ fn tap_10(s: Strip) -> vec4f { return vec4f(s.v3.yzw, s.v4.x); }
 fn convolve(s: Strip) -> vec4f {
     return WINDOW[5] * tap_5(s) + WINDOW[4] * (tap_4(s) + tap_6(s)) + WINDOW[3] * (tap_3(s) + tap_7(s))
         + WINDOW[2] * (tap_2(s) + tap_8(s)) + WINDOW[1] * (tap_1(s) + tap_9(s)) + WINDOW[0] * (tap_0(s) + tap_10(s));
+}
+
+fn convolve_wide(w: Wide) -> Quad {
+    return Quad(
+        convolve(Strip(w.v0, w.v1, w.v2, w.v3, w.v4)),
+        convolve(Strip(w.v1, w.v2, w.v3, w.v4, w.v5)),
+        convolve(Strip(w.v2, w.v3, w.v4, w.v5, w.v6)),
+        convolve(Strip(w.v3, w.v4, w.v5, w.v6, w.v7)),
+    );
+}
+
+// Keeps the part of `sums` that lies in the padded image.
+fn keep_moments(plane: u32, at: Place, sums: Quad) {
+    #repeat j 4
+    if (at.x4 + {j}u < view.planes.y) {
+        moments[plane_index(view, plane, at.x4 + {j}u, at.y)] = sums.v{j};
+    }
+    #end
 }
 
 fn texel(x: i32, y: u32) -> u32 {
@@ -85,37 +120,38 @@ struct Place {
     inside: bool,
 }
 
-// One thread four pixels of `rows` rows (and a channel).
-fn place(group: vec3u, groups: vec3u, local: u32, rows: u32, channels: u32) -> Place {
+// One thread `across` vectors of four pixels of `rows` rows (and a channel).
+fn place(group: vec3u, groups: vec3u, local: u32, across: u32, rows: u32, channels: u32) -> Place {
     let index = (group.y * groups.x + group.x) * WORKGROUP + local;
     // All rows of the padded image, so that its padding carries no gradient.
     let n_rows = view.planes.x / (view.planes.y * rows);
-    let per_channel = view.planes.y * n_rows;
+    let n_columns = (view.planes.y + across - 1u) / across;
+    let per_channel = n_columns * n_rows;
     let channel = index / per_channel;
     let rest = index % per_channel;
-    return Place(rest % view.planes.y, (rest / view.planes.y) * rows, channel, channel < channels);
+    return Place((rest % n_columns) * across, (rest / n_columns) * rows, channel, channel < channels);
 }
 
 @compute @workgroup_size(WORKGROUP)
 fn ssim_horizontal(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let at = place(group, groups, local, 1u, 1u);
+    let at = place(group, groups, local, N_ACROSS, 1u, 1u);
     if (!at.inside || at.y >= view.size.y) {
         return;
     }
-    var m: Strip;
-    #repeat b 5
+    var m: Wide;
+    #repeat b 8
     let raw_{b} = texels(i32(at.x4) + {b} - 2, at.y);
     m.v{b} = weights(raw_{b}, i32(at.x4) + {b} - 2);
     #end
     if (loss.masked != 0u) {
-        moments[plane_index(view, NORM_PLANE, at.x4, at.y)] = convolve(m);
+        keep_moments(NORM_PLANE, at, convolve_wide(m));
     }
     for (var channel = 0u; channel < 3u; channel++) {
-        var x: Strip;
-        var y: Strip;
-        var squares: Strip;
-        var product: Strip;
-        #repeat b 5
+        var x: Wide;
+        var y: Wide;
+        var squares: Wide;
+        var product: Wide;
+        #repeat b 8
         {
             let x4 = u32(clamp(i32(at.x4) + {b} - 2, 0, i32(view.planes.y) - 1));
             let v_x = rendered[plane_index(view, channel, x4, at.y)];
@@ -127,10 +163,10 @@ fn ssim_horizontal(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups)
         }
         #end
         let plane = N_MOMENTS * channel;
-        moments[plane_index(view, plane, at.x4, at.y)] = convolve(x);
-        moments[plane_index(view, plane + 1u, at.x4, at.y)] = convolve(y);
-        moments[plane_index(view, plane + 2u, at.x4, at.y)] = convolve(squares);
-        moments[plane_index(view, plane + 3u, at.x4, at.y)] = convolve(product);
+        keep_moments(plane, at, convolve_wide(x));
+        keep_moments(plane + 1u, at, convolve_wide(y));
+        keep_moments(plane + 2u, at, convolve_wide(squares));
+        keep_moments(plane + 3u, at, convolve_wide(product));
     }
 }
 
@@ -165,7 +201,7 @@ fn convolve_columns(plane: u32, x4: u32, y: u32) -> Rows {
 
 @compute @workgroup_size(WORKGROUP)
 fn ssim_vertical(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let at = place(group, groups, local, SSIM_ROWS, 3u);
+    let at = place(group, groups, local, 1u, SSIM_ROWS, 3u);
     if (!at.inside) {
         return;
     }
@@ -215,24 +251,24 @@ fn ssim_vertical(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
 
 @compute @workgroup_size(WORKGROUP)
 fn ssim_horizontal_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let at = place(group, groups, local, 1u, 1u);
+    let at = place(group, groups, local, N_ACROSS, 1u, 1u);
     if (!at.inside || at.y >= view.size.y) {
         return;
     }
     for (var plane = 0u; plane < 9u; plane++) {
-        var s: Strip;
-        #repeat b 5
+        var w: Wide;
+        #repeat b 8
         if (i32(at.x4) + {b} - 2 >= 0 && at.x4 + {b}u < view.planes.y + 2u) {
-            s.v{b} = derivatives[plane_index(view, plane, at.x4 + {b}u - 2u, at.y)];
+            w.v{b} = derivatives[plane_index(view, plane, at.x4 + {b}u - 2u, at.y)];
         }
         #end
-        moments[plane_index(view, plane, at.x4, at.y)] = convolve(s);
+        keep_moments(plane, at, convolve_wide(w));
     }
 }
 
 @compute @workgroup_size(WORKGROUP)
 fn ssim_vertical_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let at = place(group, groups, local, SSIM_ROWS, 3u);
+    let at = place(group, groups, local, 1u, SSIM_ROWS, 3u);
     if (!at.inside) {
         return;
     }

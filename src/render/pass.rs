@@ -203,7 +203,7 @@ impl<'a> Pass<'a> {
         };
         let kernels = self.kernels;
         let (width_4, _) = self.view.padded_size();
-        let rows = u64::from(self.view.size[1]) * width_4 as u64;
+        let rows = u64::from(self.view.size[1]) * (width_4 as u64).div_ceil(4);
         let strips = n_partials(self.view.plane_len());
         loss.n_partials = shader_count(strips);
         loss.slot = self.slot as u32;
