@@ -4,8 +4,9 @@
 #import shared/radix
 
 @group(0) @binding(0) var<uniform> radix: Radix;
+// (key, value), two entries a vector: a software driver loads one vector as fast as half of it.
+@group(0) @binding(1) var<storage, read> entries_in: array<vec4u>;
 // (key, value).
-@group(0) @binding(1) var<storage, read> entries_in: array<vec2u>;
 @group(0) @binding(2) var<storage, read_write> entries_out: array<vec2u>;
 // Entry digit * n_chunks + chunk.
 @group(0) @binding(3) var<storage, read_write> digit_counts: array<u32>;
@@ -34,9 +35,12 @@ fn radix_count(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gro
         return;
     }
     let first = chunk * RADIX_CHUNK;
+    let end = min(first + RADIX_CHUNK, n);
     var counters = vec4u(0u);
-    for (var i = first; i < min(first + RADIX_CHUNK, n); i++) {
-        counters += one((entries_in[i].x >> radix.shift) & 15u);
+    for (var i = first; i < end; i += 2u) {
+        let digits = (entries_in[i / 2u].xz >> vec2u(radix.shift)) & vec2u(15u);
+        counters += one(digits.x);
+        counters += select(vec4u(0u), one(digits.y), i + 1u < end);
     }
     for (var digit = 0u; digit < 16u; digit++) {
         digit_counts[digit * n_chunks + chunk] = counter(counters, digit);
@@ -52,11 +56,16 @@ fn radix_move(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) grou
         return;
     }
     let first = chunk * RADIX_CHUNK;
+    let end = min(first + RADIX_CHUNK, n);
     var counters = vec4u(0u);
-    for (var i = first; i < min(first + RADIX_CHUNK, n); i++) {
-        let entry = entries_in[i];
-        let digit = (entry.x >> radix.shift) & 15u;
-        entries_out[digit_counts[digit * n_chunks + chunk] + counter(counters, digit)] = entry;
-        counters += one(digit);
+    for (var i = first; i < end; i += 2u) {
+        let entries = entries_in[i / 2u];
+        let digits = (entries.xz >> vec2u(radix.shift)) & vec2u(15u);
+        entries_out[digit_counts[digits.x * n_chunks + chunk] + counter(counters, digits.x)] = entries.xy;
+        counters += one(digits.x);
+        if (i + 1u < end) {
+            entries_out[digit_counts[digits.y * n_chunks + chunk] + counter(counters, digits.y)] = entries.zw;
+            counters += one(digits.y);
+        }
     }
 }

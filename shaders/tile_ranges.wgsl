@@ -1,5 +1,5 @@
-// Finds where each tile's pairs begin and end in the sorted pairs: one thread a pair. Tiles
-// without pairs keep the empty range that the buffer was cleared to.
+// Finds where each tile's pairs begin and end in the sorted pairs: one thread RANGE_CHUNK pairs.
+// Tiles without pairs keep the empty range that the buffer was cleared to.
 #import shared/view
 
 @group(0) @binding(0) var<storage, read> totals: array<u32>;
@@ -10,19 +10,32 @@
 // Per thread of the rasterizers its tile, one past the last where it has none.
 @group(0) @binding(4) var<storage, read_write> tile_order: array<u32>;
 
+const NO_TILE = 0xffffffffu;
+
 @compute @workgroup_size(WORKGROUP)
 fn find_tile_ranges(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = (group.y * groups.x + group.x) * WORKGROUP + local;
+    let first = ((group.y * groups.x + group.x) * WORKGROUP + local) * RANGE_CHUNK;
     let n = totals[TOTAL_PAIRS];
-    if (i >= n || totals[TOTAL_OVERFLOW] != 0u) {
+    if (first >= n || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
-    let tile = tile_pairs[i].x;
-    if (i == 0u || tile_pairs[max(i, 1u) - 1u].x != tile) {
-        tile_ranges[tile].x = i;
+    let last = min(first + RANGE_CHUNK, n);
+    var before = NO_TILE;
+    if (first > 0u) {
+        before = tile_pairs[first - 1u].x;
     }
-    if (i + 1u == n || tile_pairs[min(i + 1u, n - 1u)].x != tile) {
-        tile_ranges[tile].y = i + 1u;
+    for (var i = first; i < last; i++) {
+        let tile = tile_pairs[i].x;
+        if (tile != before) {
+            tile_ranges[tile].x = i;
+            if (before != NO_TILE) {
+                tile_ranges[before].y = i;
+            }
+        }
+        before = tile;
+    }
+    if (last == n) {
+        tile_ranges[before].y = n;
     }
 }
 

@@ -18,6 +18,8 @@ pub const SCAN_FEW: u32 = 4;
 pub const RADIX_CHUNK: u32 = 128;
 pub const RADIX_BITS: u32 = 4;
 pub const DEPTH_BITS: u32 = 30;
+/// Sorted pairs a thread looks through for where tiles begin and end.
+pub const RANGE_CHUNK: u32 = 16;
 /// Rows a thread of SSIM's vertical passes covers.
 pub const SSIM_ROWS: u32 = 8;
 /// Slots of the `totals` buffer: pairs of the current view, entries of the current radix sort,
@@ -73,6 +75,7 @@ pub fn prelude(sh_degree: u32) -> String {
         ("SCAN_CHUNK", SCAN_CHUNK),
         ("SCAN_FEW", SCAN_FEW),
         ("RADIX_CHUNK", RADIX_CHUNK),
+        ("RANGE_CHUNK", RANGE_CHUNK),
         ("RADIX_BITS", RADIX_BITS),
         ("SSIM_ROWS", SSIM_ROWS),
         ("TOTAL_PAIRS", TOTAL_PAIRS),

@@ -6,7 +6,8 @@ use super::pose::{PoseGradient, PoseKernels};
 use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use super::workspace::{Workspace, n_chunks, n_partials};
 use crate::gpu::constants::{
-    BLOCK_H, BLOCK_W, RADIX_BITS, SCAN_CHUNK, SCAN_FEW, TOTAL_DIGITS, TOTAL_PAIRS, WORKGROUP,
+    BLOCK_H, BLOCK_W, RADIX_BITS, RANGE_CHUNK, SCAN_CHUNK, SCAN_FEW, TOTAL_DIGITS, TOTAL_PAIRS,
+    WORKGROUP,
 };
 use crate::gpu::{Commands, Gpu, shader_count};
 
@@ -134,7 +135,8 @@ impl<'a> Pass<'a> {
             &self.kernels.find_tile_ranges,
             &self.groups().find_tile_ranges,
         );
-        commands.dispatch(kernel, group, self.room());
+        let threads = self.room().div_ceil(u64::from(RANGE_CHUNK));
+        commands.dispatch(kernel, group, threads);
     }
 
     /// Fills `tile_order`.
