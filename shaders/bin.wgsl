@@ -71,15 +71,13 @@ fn bin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec
                 if (x_0 <= x_1) {
                     let column_0 = u32(x_0) / TILE_W;
                     let column_1 = u32(x_1) / TILE_W;
-                    for (var column = column_0; column <= column_1; column++) {
-                        let tile = row * view.size.z + column;
-                        if (!counting) {
-                            let pair = first + n_pairs;
-                            pairs[pair] = vec2u(tile, pair);
-                            pair_gaussian[pair] = id;
-                        }
-                        n_pairs++;
+                    let n_columns = column_1 - column_0 + 1u;
+                    for (var i = 0u; i < select(n_columns, 0u, counting); i++) {
+                        let pair = first + n_pairs + i;
+                        pairs[pair] = vec2u(row * view.size.z + column_0 + i, pair);
+                        pair_gaussian[pair] = id;
                     }
+                    n_pairs += n_columns;
                 }
             }
         }
