@@ -1,11 +1,11 @@
-// Exclusive prefix sum of counts in place, in three dispatches: sums of blocks, scan of the sums
-// by one workgroup, then the blocks; few counts in one. Additions saturate, so that a total beyond 2^32 is seen as
-// too large instead of wrapping.
+// Exclusive prefix sum of counts in place, in two dispatches: sums of blocks, then the blocks, each
+// of which adds up the sums before it; few counts in one. Additions saturate, so that a total
+// beyond 2^32 is seen as too large instead of wrapping.
 #import shared/radix
 
 struct Scan {
-    // Number of counts (0: the digit counts of the view's pairs); index in `totals` of their sum; capacity that the sum is held against
-    // (0: none); the step's number, stored on overflow.
+    // Number of counts (0: the digit counts of the view's pairs); index in `totals` of their sum;
+    // capacity that the sum is held against (0: none); the step's number, stored on overflow.
     n: u32,
     total: u32,
     capacity: u32,
@@ -20,6 +20,7 @@ const BLOCK = SCAN_CHUNK * WORKGROUP;
 @group(0) @binding(3) var<storage, read_write> totals: array<u32>;
 
 var<workgroup> sums: array<u32, WORKGROUP>;
+var<workgroup> block_total: u32;
 
 fn n_counts() -> u32 {
     if (scan.n != 0u) {
@@ -58,8 +59,6 @@ fn scan_workgroup(local: u32) -> u32 {
     return block_total;
 }
 
-var<workgroup> block_total: u32;
-
 // Turns a chunk into its exclusive sums; `before` is the sum of all before it.
 fn spread(first: u32, before: u32) {
     var sum = before;
@@ -93,37 +92,22 @@ fn scan_reduce(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gro
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn scan_blocks(@builtin(local_invocation_index) local: u32) {
+fn scan_spread(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    let block = group.y * groups.x + group.x;
     let n_blocks = (n_counts() + BLOCK - 1u) / BLOCK;
-    let chunk = (n_blocks + WORKGROUP - 1u) / WORKGROUP;
-    let first = local * chunk;
     var sum = 0u;
-    for (var i = first; i < min(first + chunk, n_blocks); i++) {
+    for (var i = local; i < min(block, n_blocks); i += WORKGROUP) {
         sum = saturating_add(sum, block_sums[i]);
     }
     sums[local] = sum;
-    let total = scan_workgroup(local);
-    sum = sums[local];
-    for (var i = first; i < min(first + chunk, n_blocks); i++) {
-        let s = block_sums[i];
-        block_sums[i] = sum;
-        sum = saturating_add(sum, s);
-    }
-    if (local == 0u) {
-        keep_total(total);
-    }
-}
-
-@compute @workgroup_size(WORKGROUP)
-fn scan_spread(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let block = group.y * groups.x + group.x;
+    let before = scan_workgroup(local);
     let first = block * BLOCK + local * SCAN_CHUNK;
     sums[local] = chunk_sum(first);
-    scan_workgroup(local);
-    if (block * BLOCK >= n_counts()) {
-        return;
+    let total = scan_workgroup(local);
+    spread(first, saturating_add(before, sums[local]));
+    if (local == 0u && block + 1u == max(n_blocks, 1u)) {
+        keep_total(saturating_add(before, total));
     }
-    spread(first, saturating_add(block_sums[block], sums[local]));
 }
 
 // All of it in one dispatch, for at most SCAN_FEW blocks.

@@ -14,7 +14,6 @@ pub struct Kernels {
     pub(super) radix_move: Kernel,
     pub(super) bin: Kernel,
     pub(super) scan_reduce: Kernel,
-    pub(super) scan_blocks: Kernel,
     pub(super) scan_spread: Kernel,
     pub(super) scan_few: Kernel,
     pub(super) find_tile_ranges: Kernel,
@@ -52,7 +51,6 @@ impl Kernels {
             radix_move: radix.kernel(gpu, "radix_move"),
             bin: kernel("bin"),
             scan_reduce: scan.kernel(gpu, "scan_reduce"),
-            scan_blocks: scan.kernel(gpu, "scan_blocks"),
             scan_spread: scan.kernel(gpu, "scan_spread"),
             scan_few: scan.kernel(gpu, "scan_few"),
             find_tile_ranges: tile_ranges.kernel(gpu, "find_tile_ranges"),
@@ -101,8 +99,8 @@ pub(super) struct RadixGroups {
 }
 
 pub(super) struct ScanGroups {
-    /// Of `scan_reduce`, `scan_blocks` and `scan_spread`.
-    pub(super) many: [wgpu::BindGroup; 3],
+    /// Of `scan_reduce` and `scan_spread`.
+    pub(super) many: [wgpu::BindGroup; 2],
     pub(super) few: wgpu::BindGroup,
 }
 
@@ -133,11 +131,7 @@ impl Groups {
         };
         let scan = |uniform: &Buffer, counts: &Buffer| {
             let bind = |kernel| with(&[("scan", uniform), ("counts", counts)], kernel);
-            let many = [
-                &kernels.scan_reduce,
-                &kernels.scan_blocks,
-                &kernels.scan_spread,
-            ];
+            let many = [&kernels.scan_reduce, &kernels.scan_spread];
             ScanGroups {
                 many: many.map(bind),
                 few: bind(&kernels.scan_few),

@@ -194,8 +194,7 @@ impl<'a> Pass<'a> {
         }
         let threads = n.div_ceil(u64::from(SCAN_CHUNK));
         commands.dispatch(&self.kernels.scan_reduce, &groups.many[0], threads);
-        commands.dispatch(&self.kernels.scan_blocks, &groups.many[1], 1);
-        commands.dispatch(&self.kernels.scan_spread, &groups.many[2], threads);
+        commands.dispatch(&self.kernels.scan_spread, &groups.many[1], threads);
     }
 
     /// The image loss of `workspace.rendered` against `goal`, and its gradient in `d_rendered`.
