@@ -15,7 +15,8 @@ struct Scan {
 const BLOCK = SCAN_CHUNK * WORKGROUP;
 
 @group(0) @binding(0) var<uniform> scan: Scan;
-@group(0) @binding(1) var<storage, read_write> counts: array<u32>;
+// Four counts a vector; what follows the last count in its vector is overwritten.
+@group(0) @binding(1) var<storage, read_write> counts: array<vec4u>;
 @group(0) @binding(2) var<storage, read_write> block_sums: array<u32>;
 @group(0) @binding(3) var<storage, read_write> totals: array<u32>;
 
@@ -35,10 +36,17 @@ fn saturating_add(a: u32, b: u32) -> u32 {
     return select(s, 0xffffffffu, s < a);
 }
 
+// Counts i to i + 3, 0 beyond the last.
+fn four_counts(i: u32, n: u32) -> vec4u {
+    return select(vec4u(0u), counts[i / 4u], vec4u(i) + vec4u(0u, 1u, 2u, 3u) < vec4u(n));
+}
+
 fn chunk_sum(first: u32) -> u32 {
+    let n = n_counts();
     var sum = 0u;
-    for (var i = first; i < min(first + SCAN_CHUNK, n_counts()); i++) {
-        sum = saturating_add(sum, counts[i]);
+    for (var i = first; i < min(first + SCAN_CHUNK, n); i += 4u) {
+        let c = four_counts(i, n);
+        sum = saturating_add(sum, saturating_add(saturating_add(c.x, c.y), saturating_add(c.z, c.w)));
     }
     return sum;
 }
@@ -61,11 +69,15 @@ fn scan_workgroup(local: u32) -> u32 {
 
 // Turns a chunk into its exclusive sums; `before` is the sum of all before it.
 fn spread(first: u32, before: u32) {
+    let n = n_counts();
     var sum = before;
-    for (var i = first; i < min(first + SCAN_CHUNK, n_counts()); i++) {
-        let c = counts[i];
-        counts[i] = sum;
-        sum = saturating_add(sum, c);
+    for (var i = first; i < min(first + SCAN_CHUNK, n); i += 4u) {
+        let c = four_counts(i, n);
+        let y = saturating_add(sum, c.x);
+        let z = saturating_add(y, c.y);
+        let w = saturating_add(z, c.z);
+        counts[i / 4u] = vec4u(sum, y, z, w);
+        sum = saturating_add(w, c.w);
     }
 }
 
