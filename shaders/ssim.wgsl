@@ -15,8 +15,8 @@ const NORM_PLANE = 12u;
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> loss: Loss;
 @group(0) @binding(2) var<storage, read> rendered: array<vec4f>;
-// RGBA8, unpadded rows; alpha is the pixel's weight, 255 for 1.
-@group(0) @binding(3) var<storage, read> goal: array<u32>;
+// RGBA8, rows as in a plane of `rendered`; alpha is the pixel's weight, 255 for 1.
+@group(0) @binding(3) var<storage, read> goal: array<vec4u>;
 // Planes 4c..4c+3: horizontal moments x, y, xx + yy, xy of channel c (SSIM needs the variances'
 // sum alone); 12: window weight. Later
 // planes 3c..3c+2: horizontal sums of the derivatives.
@@ -88,15 +88,9 @@ fn keep_moments(plane: u32, at: Place, sums: Quad) {
     #end
 }
 
-fn texel(x: i32, y: u32) -> u32 {
-    if (x < 0 || x >= i32(view.size.x)) {
-        return 0u;
-    }
-    return goal[y * view.size.x + u32(x)];
-}
-
+// Four texels of the goal; beside the padded image its rim, where weights are 0.
 fn texels(x4: i32, y: u32) -> vec4u {
-    return vec4u(texel(4 * x4, y), texel(4 * x4 + 1, y), texel(4 * x4 + 2, y), texel(4 * x4 + 3, y));
+    return goal[y * view.planes.y + u32(clamp(x4, 0, i32(view.planes.y) - 1))];
 }
 
 fn channel_of(texels: vec4u, channel: u32) -> vec4f {

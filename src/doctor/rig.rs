@@ -256,7 +256,7 @@ impl Rig {
 
     /// The image loss of what `rendered` holds against `goal`; returns (L1, SSIM).
     pub fn loss(&self, ctx: &Context, loss: LossUniform, goal: &[u32]) -> Result<[f64; 2]> {
-        self.workspace.set_goal(&ctx.gpu, 0, goal);
+        self.workspace.set_goal(&ctx.gpu, 0, &self.view, goal);
         let mut commands = Commands::new(&ctx.gpu);
         self.pass(ctx).loss(&mut commands, loss);
         commands.submit();

@@ -186,7 +186,7 @@ pub fn time_rest(ctx: &Context) -> Result<Vec<Timing>> {
     let n_pixels = TIMED_SIZE.0 * TIMED_SIZE.1;
     let rig = loss::rig(ctx, TIMED_SIZE)?;
     let goal = vec![0xff80_8080; n_pixels];
-    rig.workspace.set_goal(gpu, 0, &goal);
+    rig.workspace.set_goal(gpu, 0, &rig.view, &goal);
     let n = TIMED_GAUSSIANS;
     let optimizer = changes::optimizer(ctx, n, n, 3)?;
     let space = adam::workspace(ctx, n)?;

@@ -102,7 +102,7 @@ impl Fit<'_> {
         let mut needed = Capacity::new(self.model.stride, n_pairs, &[uniform]);
         loop {
             let room = self.room(needed)?;
-            room.workspace.set_goal(gpu, 0, &self.goal);
+            room.workspace.set_goal(gpu, 0, &uniform, &self.goal);
             let pass = Pass::new(
                 gpu,
                 self.kernels,

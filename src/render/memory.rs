@@ -43,7 +43,7 @@ pub struct WorkspaceBytes {
     pub pairs: u64,
     /// Second halves of the sorts' buffers, and counts of digits.
     pub sorts: u64,
-    /// The render, and where each tile's pairs are.
+    /// The render, where each tile's pairs are, and the tiles' order.
     pub image: u64,
     pub goals: u64,
     /// L1 and SSIM, forward and backward.
@@ -59,19 +59,19 @@ impl WorkspaceBytes {
             stride,
             pairs,
             tiles,
-            pixels,
+            tile_slots,
             plane,
         } = capacity;
         let partials = n_partials(plane);
         WorkspaceBytes {
-            splats: vectors(3 * stride) + two_words(stride) + words(stride),
-            pairs: two_words(pairs) + words(pairs),
-            sorts: 2 * two_words(stride)
-                + two_words(pairs)
+            splats: vectors(3 * stride) + two_words(stride) + words(stride.next_multiple_of(4)),
+            pairs: vectors(pairs.div_ceil(2)) + words(pairs),
+            sorts: 2 * vectors(stride.div_ceil(2))
+                + vectors(pairs.div_ceil(2))
                 + words(n_digits(capacity))
                 + words(n_scan_blocks(capacity)),
-            image: vectors(4 * plane) + vectors(plane) + two_words(tiles),
-            goals: 2 * words(pixels),
+            image: vectors(4 * plane) + vectors(plane) + two_words(tiles) + words(tile_slots),
+            goals: 2 * vectors(plane),
             loss: vectors(13 * plane)
                 + vectors(9 * plane)
                 + vectors(4 * plane)

@@ -6,8 +6,7 @@ use super::pose::{PoseGradient, PoseKernels};
 use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use super::workspace::{Workspace, n_chunks, n_partials};
 use crate::gpu::constants::{
-    BLOCK_H, BLOCK_W, RADIX_BITS, RANGE_CHUNK, SCAN_CHUNK, SCAN_FEW, TOTAL_DIGITS, TOTAL_PAIRS,
-    WORKGROUP,
+    RADIX_BITS, RANGE_CHUNK, SCAN_CHUNK, SCAN_FEW, TOTAL_DIGITS, TOTAL_PAIRS, WORKGROUP,
 };
 use crate::gpu::{Commands, Gpu, shader_count};
 
@@ -142,7 +141,7 @@ impl<'a> Pass<'a> {
     /// Fills `tile_order`.
     pub fn order_tiles(&self, commands: &mut Commands<'_>) {
         let (kernel, group) = (&self.kernels.order_tiles, &self.groups().order_tiles);
-        commands.dispatch(kernel, group, self.tile_threads());
+        commands.dispatch(kernel, group, self.view.n_tile_slots() as u64);
     }
 
     /// Fills `rendered`.
@@ -150,7 +149,7 @@ impl<'a> Pass<'a> {
         commands.dispatch(
             &self.kernels.rasterize,
             &self.groups().rasterize,
-            self.tile_threads(),
+            self.view.n_tile_slots() as u64,
         );
     }
 
@@ -161,14 +160,6 @@ impl<'a> Pass<'a> {
     /// Gaussians.
     fn n(&self) -> u64 {
         u64::from(self.view.counts[0])
-    }
-
-    /// Threads of the rasterizers: whole blocks of tiles.
-    fn tile_threads(&self) -> u64 {
-        let [_, _, across, down] = self.view.size.map(u64::from);
-        across.div_ceil(u64::from(BLOCK_W))
-            * down.div_ceil(u64::from(BLOCK_H))
-            * u64::from(WORKGROUP)
     }
 
     /// Pairs that there is room for.
@@ -236,7 +227,7 @@ impl<'a> Pass<'a> {
         commands.dispatch(
             &self.kernels.rasterize_backward,
             &groups.rasterize,
-            self.tile_threads(),
+            self.view.n_tile_slots() as u64,
         );
     }
 

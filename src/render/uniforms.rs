@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::camera::Camera;
-use crate::gpu::constants::{RATIO_MARGIN, SSIM_ROWS, TILE_H, TILE_W};
+use crate::gpu::constants::{BLOCK_H, BLOCK_W, RATIO_MARGIN, SSIM_ROWS, TILE_H, TILE_W, WORKGROUP};
 
 /// Smallest near plane. The depth sort's keys reach 2^127 times as far, which from 0 is nowhere.
 const MIN_NEAR: f64 = 1e-18;
@@ -101,6 +101,13 @@ impl ViewUniform {
 
     pub fn n_tiles(&self) -> usize {
         self.size[2] as usize * self.size[3] as usize
+    }
+
+    /// Threads of the rasterizers, one a tile: whole blocks of tiles.
+    pub fn n_tile_slots(&self) -> usize {
+        let blocks =
+            self.size[2].div_ceil(BLOCK_W) as usize * self.size[3].div_ceil(BLOCK_H) as usize;
+        blocks.saturating_mul(WORKGROUP as usize)
     }
 
     /// `vec4f`s of one plane of the padded image.

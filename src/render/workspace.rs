@@ -17,8 +17,9 @@ pub struct Capacity {
     /// (tile, Gaussian) pairs of one view.
     pub pairs: usize,
     pub tiles: usize,
-    /// Pixels of one image, unpadded, and `vec4f`s of one padded plane.
-    pub pixels: usize,
+    /// Entries of the tiles' order.
+    pub tile_slots: usize,
+    /// `vec4f`s of one padded plane.
     pub plane: usize,
 }
 
@@ -30,7 +31,7 @@ impl Capacity {
             stride,
             pairs,
             tiles: largest(ViewUniform::n_tiles),
-            pixels: largest(ViewUniform::n_pixels),
+            tile_slots: largest(ViewUniform::n_tile_slots),
             plane: largest(ViewUniform::plane_len),
         }
     }
@@ -41,7 +42,7 @@ impl Capacity {
             stride: self.stride.max(other.stride),
             pairs: self.pairs.max(other.pairs),
             tiles: self.tiles.max(other.tiles),
-            pixels: self.pixels.max(other.pixels),
+            tile_slots: self.tile_slots.max(other.tile_slots),
             plane: self.plane.max(other.plane),
         }
     }
@@ -71,7 +72,7 @@ pub struct Workspace {
     pub(super) pairs: [Buffer; 2],
     pub(super) digit_counts: Buffer,
     pub tile_ranges: Buffer,
-    pub(super) tile_order: Buffer,
+    pub tile_order: Buffer,
     pub pair_gaussian: Buffer,
     pub rendered: Buffer,
     pub(super) last_blended: Buffer,
@@ -116,8 +117,8 @@ impl Workspace {
             stride,
             pairs,
             tiles,
+            tile_slots,
             plane,
-            ..
         } = capacity;
         let slot = || Slot {
             view: Buffer::uniform::<ViewUniform>(gpu, "view"),
@@ -142,7 +143,7 @@ impl Workspace {
             totals: Buffer::storage::<u32>(gpu, "totals", N_TOTALS as usize)?,
             splats: Buffer::storage::<[f32; 4]>(gpu, "splats", 3 * stride)?,
             gaussian_pairs: Buffer::storage::<[u32; 2]>(gpu, "gaussian_pairs", stride)?,
-            splat_pairs: Buffer::storage::<u32>(gpu, "splat_pairs", stride)?,
+            splat_pairs: Buffer::storage::<u32>(gpu, "splat_pairs", stride.next_multiple_of(4))?,
             block_sums: Buffer::storage::<u32>(gpu, "block_sums", n_scan_blocks(capacity))?,
             pair_passes: (0..n_pair_passes(tiles))
                 .map(|i| {
@@ -157,16 +158,13 @@ impl Workspace {
                 })
                 .collect(),
             depth_order: [
-                Buffer::storage::<[u32; 2]>(gpu, "depth_order", stride)?,
-                Buffer::storage::<[u32; 2]>(gpu, "depth_order", stride)?,
+                entries(gpu, "depth_order", stride)?,
+                entries(gpu, "depth_order", stride)?,
             ],
             digit_counts: Buffer::storage::<u32>(gpu, "digit_counts", n_digits(capacity))?,
-            pairs: [
-                Buffer::storage::<[u32; 2]>(gpu, "pairs", pairs)?,
-                Buffer::storage::<[u32; 2]>(gpu, "pairs", pairs)?,
-            ],
+            pairs: [entries(gpu, "pairs", pairs)?, entries(gpu, "pairs", pairs)?],
             tile_ranges: Buffer::storage::<[u32; 2]>(gpu, "tile_ranges", tiles)?,
-            tile_order: Buffer::storage::<u32>(gpu, "tile_order", 2 * tiles + 4096)?,
+            tile_order: Buffer::storage::<u32>(gpu, "tile_order", tile_slots)?,
             pair_gaussian: Buffer::storage::<u32>(gpu, "pair_gaussian", pairs)?,
             rendered: Buffer::storage::<[f32; 4]>(gpu, "rendered", 4 * plane)?,
             last_blended: Buffer::storage::<[u32; 4]>(gpu, "last_blended", plane)?,
@@ -174,11 +172,25 @@ impl Workspace {
         })
     }
 
-    /// Sets what a slot's render is compared with, RGBA8.
-    pub fn set_goal(&self, gpu: &Gpu, slot: usize, goal: &[u32]) {
-        if let Some(backward) = &self.backward {
+    /// Sets what a slot's render of `view` is compared with, RGBA8.
+    pub fn set_goal(&self, gpu: &Gpu, slot: usize, view: &ViewUniform, goal: &[u32]) {
+        let Some(backward) = &self.backward else {
+            return;
+        };
+        let width = view.size[0] as usize;
+        let padded_width = 4 * view.padded_size().0;
+        if width == padded_width {
             backward.goal[slot].write(gpu, goal);
+            return;
         }
+        let mut padded = vec![0; goal.len() / width * padded_width];
+        for (to, from) in padded
+            .chunks_exact_mut(padded_width)
+            .zip(goal.chunks_exact(width))
+        {
+            to[..width].copy_from_slice(from);
+        }
+        backward.goal[slot].write(gpu, &padded);
     }
 
     /// Per view of the last step: mean L1, mean SSIM.
@@ -248,15 +260,14 @@ impl Backward {
         let Capacity {
             stride,
             pairs,
-            pixels,
             plane,
             ..
         } = capacity;
         let n_partials = n_partials(plane);
         Ok(Backward {
             goal: [
-                Buffer::storage::<u32>(gpu, "goal 0", pixels)?,
-                Buffer::storage::<u32>(gpu, "goal 1", pixels)?,
+                Buffer::storage::<[u32; 4]>(gpu, "goal 0", plane)?,
+                Buffer::storage::<[u32; 4]>(gpu, "goal 1", plane)?,
             ],
             moments: Buffer::storage::<[f32; 4]>(gpu, "moments", 13 * plane)?,
             derivatives: Buffer::storage::<[f32; 4]>(gpu, "derivatives", 9 * plane)?,
@@ -272,6 +283,11 @@ impl Backward {
             screen: Buffer::storage::<[f32; 2]>(gpu, "screen", stride)?,
         })
     }
+}
+
+/// `n` entries of a radix sort, which reads two at once.
+fn entries(gpu: &Gpu, label: &str, n: usize) -> Result<Buffer> {
+    Buffer::storage::<[u32; 4]>(gpu, label, n.div_ceil(2))
 }
 
 /// Counts of the larger radix sort.

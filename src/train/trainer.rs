@@ -240,7 +240,8 @@ impl<'a> Trainer<'a> {
             let w = config.loss.ssim_weight;
             let loss = LossUniform::new(view.weight * scale, w, view.total_weight, view.masked);
             view.goal.unpack(&mut self.goal);
-            self.workspace.set_goal(self.gpu, slot, &self.goal);
+            self.workspace
+                .set_goal(self.gpu, slot, &uniform, &self.goal);
             let pass = Pass::new(
                 self.gpu,
                 self.kernels,
