@@ -42,8 +42,9 @@ const STAGES: [Stage; N_STAGES] = [
     }),
     ("emitting pairs", |pass, commands| pass.emit_pairs(commands)),
     ("sort by tile", |pass, commands| pass.sort_by_tile(commands)),
-    ("tile ranges", |pass, commands| {
-        pass.find_tile_ranges(commands)
+    ("tile ranges and order", |pass, commands| {
+        pass.find_tile_ranges(commands);
+        pass.order_tiles(commands);
     }),
     (RASTERIZE, |pass, commands| pass.rasterize(commands)),
     ("loss and its gradient", |pass, commands| {

@@ -5,7 +5,7 @@ use super::rig::{Context, Rig};
 use super::stage;
 use crate::error::Result;
 use crate::gpu::Commands;
-use crate::gpu::constants::{RIM, TILE_H, TILE_W, TOTAL_PAIRS};
+use crate::gpu::constants::{BLOCK_H, BLOCK_W, RIM, TILE_H, TILE_W, TOTAL_PAIRS};
 use crate::reference::bin::{TileGrid, tile_lists};
 use crate::reference::model::{TwinCamera, TwinSplat};
 use crate::reference::raster::ALPHA_MIN;
@@ -90,19 +90,24 @@ pub fn examine(
     let ranges: Vec<[u32; 2]> = rig.read(ctx, "tile_ranges", grid.n_tiles())?;
     let expected = ranges_of(&expected, grid.n_tiles());
     out.equal((stage::TILE_RANGES, "ranges"), &ranges, &expected);
+    run(|pass, commands| pass.order_tiles(commands));
+    let order: Vec<u32> = rig.read(ctx, "tile_order", rig.view.n_tile_slots())?;
+    let expected = order_of(&expected, &grid);
+    out.equal((stage::TILE_ORDER, "tiles"), &order, &expected);
     Ok(lengths)
 }
 
 /// `None` where a Gaussian is not drawn. The conic is stored as its Cholesky factor scaled by
 /// `sqrt(log2(e) / 2)`.
 fn read_splats(ctx: &Context, rig: &Rig) -> Result<Vec<Option<Row>>> {
-    let stride = rig.model.stride;
-    let planes: Vec<[f32; 4]> = rig.read(ctx, "splats", 3 * stride)?;
+    let splats: Vec<[[f32; 4]; 3]> = rig.read(ctx, "splats", rig.model.n)?;
     let two_ln_2 = 2.0 * std::f64::consts::LN_2;
-    let row = |i: usize| {
-        let [u, v, l_xx, l_xy] = planes[i].map(f64::from);
-        let [l_yy, opacity, depth, reach] = planes[stride + i].map(f64::from);
-        let [r, g, b, _] = planes[2 * stride + i].map(f64::from);
+    let row = |splat: [[f32; 4]; 3]| {
+        let [
+            [u, v, l_xx, l_xy],
+            [l_yy, opacity, depth, reach],
+            [r, g, b, _],
+        ] = splat.map(|part| part.map(f64::from));
         (reach > 0.0).then_some([
             u,
             v,
@@ -116,7 +121,7 @@ fn read_splats(ctx: &Context, rig: &Rig) -> Result<Vec<Option<Row>>> {
             opacity,
         ])
     };
-    Ok((0..rig.model.n).map(row).collect())
+    Ok(splats.into_iter().map(row).collect())
 }
 
 fn hold_splats(splats: &[Option<Row>], twin: &[TwinSplat], bound: f64, out: &mut Findings) {
@@ -189,6 +194,26 @@ fn ranges_of(tile_pairs: &[[u32; 2]], n_tiles: usize) -> Vec<[u32; 2]> {
         }
     }
     ranges
+}
+
+/// Block by block, a block's tiles by length, longest first, equal ones in rows; the number of
+/// tiles stands for those outside the image.
+fn order_of(ranges: &[[u32; 2]], grid: &TileGrid) -> Vec<u32> {
+    let (columns, rows) = (grid.columns(), ranges.len() / grid.columns());
+    let [block_w, block_h] = [BLOCK_W, BLOCK_H].map(|side| side as usize);
+    let mut order = Vec::new();
+    for top in (0..rows).step_by(block_h) {
+        for left in (0..columns).step_by(block_w) {
+            let in_block = |i: usize| (left + i % block_w, top + i / block_w);
+            let tiles = (0..block_w * block_h).map(in_block);
+            let tiles = tiles.filter(|(x, y)| *x < columns && *y < rows);
+            let mut block: Vec<usize> = tiles.map(|(x, y)| y * columns + x).collect();
+            block.sort_by_key(|tile| std::cmp::Reverse(ranges[*tile][1] - ranges[*tile][0]));
+            block.resize(block_w * block_h, ranges.len());
+            order.extend(block.into_iter().map(|tile| tile as u32));
+        }
+    }
+    order
 }
 
 /// The pairs before they are sorted by tile.

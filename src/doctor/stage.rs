@@ -7,6 +7,7 @@ pub const SCAN: &str = "scan";
 pub const RADIX_SORT: &str = "radix sort";
 pub const BIN: &str = "bin";
 pub const TILE_RANGES: &str = "tile_ranges";
+pub const TILE_ORDER: &str = "tile_order";
 pub const RASTERIZE: &str = "rasterize";
 pub const LOSS: &str = "L1 + SSIM";
 pub const MASKED_LOSS: &str = "L1 + SSIM, masked";
@@ -20,13 +21,14 @@ pub const FIELD: &str = "field, on the CPU";
 pub const POINT_SPLAT: &str = "point splat, on the CPU";
 
 /// Every stage.
-pub const ALL: [&str; 17] = [
+pub const ALL: [&str; 18] = [
     PROJECT,
     DEPTH_KEYS,
     SCAN,
     RADIX_SORT,
     BIN,
     TILE_RANGES,
+    TILE_ORDER,
     RASTERIZE,
     LOSS,
     MASKED_LOSS,

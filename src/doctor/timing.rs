@@ -105,7 +105,7 @@ type Step = (&'static str, fn(&Pass<'_>, &mut Commands<'_>));
 
 /// The stages of a view. The sort by tile stands for both sorts, counting and emitting pairs are
 /// one stage.
-const STEPS: [Step; 11] = [
+const STEPS: [Step; 12] = [
     (stage::PROJECT, |pass, commands| pass.project(commands)),
     (stage::DEPTH_KEYS, |pass, commands| {
         pass.depth_keys(commands)
@@ -119,6 +119,9 @@ const STEPS: [Step; 11] = [
     }),
     (stage::TILE_RANGES, |pass, commands| {
         pass.find_tile_ranges(commands)
+    }),
+    (stage::TILE_ORDER, |pass, commands| {
+        pass.order_tiles(commands)
     }),
     (stage::RASTERIZE, |pass, commands| pass.rasterize(commands)),
     (stage::RASTERIZE_BACKWARD, |pass, commands| {
@@ -167,6 +170,7 @@ pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<Vec<Timing>> {
         (stage::BIN, n_pairs, "pairs"),
         (stage::SCAN, n, "Gaussians"),
         (stage::TILE_RANGES, n_pairs, "pairs"),
+        (stage::TILE_ORDER, rig.view.n_tiles(), "tiles"),
         (stage::RASTERIZE, n_pairs, "pairs"),
         (stage::RASTERIZE_BACKWARD, n_pairs, "pairs"),
         (stage::PROJECT_BACKWARD, n, "Gaussians"),

@@ -60,6 +60,8 @@ pub struct Workspace {
     pub(super) count: Buffer,
     pub(super) emit: Buffer,
     pub totals: Buffer,
+    /// Three `vec4f`s a Gaussian, side by side: a tile's splats lie anywhere, and each then takes one
+    /// cache line or two.
     pub splats: Buffer,
     pub splat_pairs: Buffer,
     pub gaussian_pairs: Buffer,

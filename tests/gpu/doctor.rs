@@ -35,7 +35,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-const PLANTS: [Plant; 22] = [
+const PLANTS: [Plant; 24] = [
     plant(
         "project",
         "+ DILATION;",
@@ -51,8 +51,8 @@ const PLANTS: [Plant; 22] = [
     ),
     plant(
         "radix",
-        "counters += one(digit);",
-        "counters += one(digit ^ 1u);",
+        "counters += one(digits.x);\n        if",
+        "counters += one(digits.x ^ 1u);\n        if",
         stage::RADIX_SORT,
     ),
     plant(
@@ -63,20 +63,32 @@ const PLANTS: [Plant; 22] = [
     ),
     plant(
         "scan",
-        "let c = counts[i];\n        counts[i] = sum;",
-        "let c = counts[i];\n        counts[i] = sum + c;",
+        "counts[i / 4u] = vec4u(sum, y, z, w);",
+        "counts[i / 4u] = vec4u(sum, y, z, w + c.w);",
         stage::SCAN,
     ),
     plant(
         "tile_ranges",
-        "tile_ranges[tile].y = i + 1u;",
-        "tile_ranges[tile].y = i;",
+        "tile_ranges[before].y = i;",
+        "tile_ranges[before].y = i - 1u;",
         stage::TILE_RANGES,
     ),
     plant(
+        "tile_ranges",
+        "tile_ranges[before].y = n;",
+        "tile_ranges[before].y = n - 1u;",
+        stage::TILE_RANGES,
+    ),
+    plant(
+        "tile_ranges",
+        "other == length && i < local",
+        "other == length && i > local",
+        stage::TILE_ORDER,
+    ),
+    plant(
         "rasterize",
-        "alpha >= vec4f(ALPHA_MIN)",
-        "alpha >= vec4f(2.0 * ALPHA_MIN)",
+        "raw >= vec4f(ALPHA_MIN)",
+        "raw >= vec4f(2.0 * ALPHA_MIN)",
         stage::RASTERIZE,
     ),
     plant(
@@ -99,8 +111,8 @@ const PLANTS: [Plant; 22] = [
     ),
     plant(
         "rasterize_backward",
-        "sum_xy += v_x * t_y;",
-        "sum_xy += v_x * t_x;",
+        "sum_xy += row_x * t_y;",
+        "sum_xy += row_v * t_y;",
         stage::RASTERIZE_BACKWARD,
     ),
     plant(

@@ -11,4 +11,5 @@ mod loss;
 mod rearrange;
 mod reflection;
 pub mod rig;
+mod sorts;
 pub mod views;

@@ -1,0 +1,94 @@
+//! Scans and radix sorts at the sizes where they change their way, and beyond what they count to.
+
+use gspotential::doctor::{Context, Rig, gaussians_of, view_of};
+use gspotential::gpu::Commands;
+use gspotential::gpu::constants::{DEPTH_BITS, RADIX_CHUNK, SCAN_CHUNK, SCAN_FEW, WORKGROUP};
+use gspotential::reference::cases::{Random, cameras, random_scene};
+use gspotential::render::Pass;
+
+use super::rig::context;
+
+/// Counts that one workgroup scans alone.
+const FEW: usize = (SCAN_FEW * SCAN_CHUNK * WORKGROUP) as usize;
+
+/// Around a vector of counts, a chunk, a block, and the most that are scanned in one dispatch.
+const SIZES: [usize; 10] = [
+    1,
+    3,
+    SCAN_CHUNK as usize + 1,
+    RADIX_CHUNK as usize - 1,
+    (SCAN_CHUNK * WORKGROUP) as usize,
+    (SCAN_CHUNK * WORKGROUP) as usize + 1,
+    FEW - 1,
+    FEW,
+    FEW + 1,
+    70_001,
+];
+
+/// A rig with room for `n` Gaussians, whatever they are.
+fn rig(ctx: &Context, n: usize) -> Rig {
+    let gaussians = gaussians_of(&random_scene(n, 0, 3).gaussians, 0);
+    Rig::new(ctx, &gaussians, view_of(&cameras()[0]), 0).expect("fits")
+}
+
+fn run(ctx: &Context, rig: &Rig, record: fn(&Pass<'_>, &mut Commands<'_>)) {
+    let mut commands = Commands::new(&ctx.gpu);
+    record(&rig.pass(ctx), &mut commands);
+    commands.submit();
+}
+
+#[test]
+fn scans_of_all_sizes_are_the_sums_before() {
+    let ctx = context();
+    for n in SIZES {
+        let rig = rig(&ctx, n);
+        let mut random = Random::new(n as u64);
+        let counts: Vec<u32> = (0..n).map(|_| random.uniform(0.0, 9.0) as u32).collect();
+        rig.start(&ctx);
+        rig.buffer("splat_pairs").write(&ctx.gpu, &counts);
+        run(&ctx, &rig, |pass, commands| pass.scan_pairs(commands));
+        let firsts: Vec<u32> = rig.read(&ctx, "splat_pairs", n).expect("readable");
+        let mut sum = 0;
+        for (i, (first, count)) in firsts.iter().zip(&counts).enumerate() {
+            assert_eq!(*first, sum, "{i} of {n}");
+            sum += count;
+        }
+        let totals: Vec<u32> = rig.read(&ctx, "totals", 4).expect("readable");
+        assert_eq!(totals[0], sum, "{n}");
+    }
+}
+
+#[test]
+fn a_total_beyond_32_bits_is_the_largest_number_and_too_many() {
+    let ctx = context();
+    for n in [FEW, FEW + 1] {
+        let rig = rig(&ctx, n);
+        rig.start(&ctx);
+        let counts = vec![u32::MAX / (n as u32 - 1); n];
+        rig.buffer("splat_pairs").write(&ctx.gpu, &counts);
+        run(&ctx, &rig, |pass, commands| pass.scan_pairs(commands));
+        let totals: Vec<u32> = rig.read(&ctx, "totals", 4).expect("readable");
+        assert_eq!((totals[0], totals[2], totals[3]), (u32::MAX, 1, u32::MAX));
+    }
+}
+
+#[test]
+fn sorts_of_all_sizes_are_stable() {
+    let ctx = context();
+    for n in SIZES {
+        let rig = rig(&ctx, n);
+        let mut random = Random::new(n as u64);
+        // Few keys, so that many are equal, but of all digits.
+        let step = (1 << DEPTH_BITS) / 37;
+        let key = |_| random.uniform(0.0, 37.0) as u32 * step;
+        let keys: Vec<u32> = (0..n).map(key).collect();
+        let entries: Vec<[u32; 2]> = keys.into_iter().zip(0..).map(|(k, i)| [k, i]).collect();
+        rig.start(&ctx);
+        rig.buffer("depth_order").write(&ctx.gpu, &entries);
+        run(&ctx, &rig, |pass, commands| pass.sort_by_depth(commands));
+        let sorted: Vec<[u32; 2]> = rig.read(&ctx, "depth_order", n).expect("readable");
+        let mut expected = entries;
+        expected.sort_by_key(|entry| entry[0]);
+        assert!(sorted == expected, "{n}");
+    }
+}
