@@ -1,7 +1,7 @@
 //! Time and memory against the size of what is worked on, each as a fitted exponent; and how many
 //! (pixel, Gaussian) evaluations the rasterizer makes of what the adapter could compute.
 //!
-//! `cargo bench --bench growth -- [--out DIR] [--most-gaussians N] [--widest PX] [--most-views N]
+//! `cargo bench --bench growth -- [--out DIR] [--most-gaussians N] [--sh-degree D] [--widest PX] [--most-views N]
 //! [--most-points N] [--rounds N]`
 //!
 //! First the tools are checked: the fit, the counting rasterizer, the kernel that measures the peak.
@@ -46,9 +46,12 @@ pub struct Args {
     /// Folder for growth.csv, growth.md and the plots
     #[arg(long, default_value = "target/growth")]
     out: PathBuf,
-    /// 2000000 takes an adapter that binds 160 MB and more
+    /// 2000000 of degree 3 takes an adapter that binds 160 MB and more, of degree 2 128 MB
     #[arg(long, default_value_t = 200_000)]
     most_gaussians: usize,
+    /// SH degree of the Gaussians
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(0..=3))]
+    sh_degree: u32,
     #[arg(long, default_value_t = 1600)]
     widest: u32,
     #[arg(long, default_value_t = 256)]

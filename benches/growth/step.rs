@@ -20,10 +20,11 @@ const N_GAUSSIANS: usize = 30_000;
 /// Steps that warm up buffers and kernels.
 const N_WARM: u32 = 3;
 
-fn config(n: usize) -> Result<Config> {
+fn config(n: usize, sh_degree: u32) -> Result<Config> {
     let mut config = Config::preset("paper")?;
     config.views.count = 4;
     config.scene.max_points = Some(n);
+    config.model.sh_degree = sh_degree;
     // All degrees of SH take part.
     config.model.sh_interval = 1;
     Ok(config)
@@ -40,7 +41,7 @@ pub fn gaussians(
     figures: &mut Vec<Figure>,
 ) -> Result<()> {
     for n in sizes(10_000, args.most_gaussians) {
-        let config = config(n)?;
+        let config = config(n, args.sh_degree)?;
         let scene = cloud::scene(&config, WIDTH, n)?;
         measure(
             ctx,
@@ -75,7 +76,7 @@ pub fn pixels(
         .into_iter()
         .filter(|w| *w <= args.widest)
     {
-        let mut config = config(N_GAUSSIANS)?;
+        let mut config = config(N_GAUSSIANS, args.sh_degree)?;
         config.scene.max_size_px = Some(width);
         let scene = cloud::scene(&config, width, N_GAUSSIANS)?;
         let image = &scene.train[0].image;

@@ -9,6 +9,10 @@ use super::Gpu;
 use super::device::mebibytes;
 use crate::error::{Error, Result};
 
+/// Bytes that are read back at once: a whole block of a large model would take as much memory beside
+/// it, for its first time from the system.
+pub const PORTION: usize = 4 << 20;
+
 /// A storage or uniform buffer, zero at first; its bytes count towards [`Gpu::peak_bytes`].
 pub struct Buffer {
     pub(super) raw: wgpu::Buffer,
@@ -124,32 +128,51 @@ impl Buffer {
 
     /// Waits for the GPU and reads the first `len` values of `T`.
     pub fn read<T: Pod>(&self, gpu: &Gpu, len: usize) -> Result<Vec<T>> {
-        let bytes = (len * size_of::<T>()) as u64;
-        if bytes == 0 {
-            return Ok(Vec::new());
+        let mut values = vec![T::zeroed(); len];
+        self.read_into(gpu, 0, bytemuck::cast_slice_mut(&mut values))?;
+        Ok(values)
+    }
+
+    /// Waits for the GPU and reads the bytes from byte `first` on, a multiple of 4, that fill `out`.
+    pub fn read_into(&self, gpu: &Gpu, first: u64, out: &mut [u8]) -> Result<()> {
+        if out.is_empty() {
+            return Ok(());
         }
-        let staging = Self::readback(gpu, bytes.next_multiple_of(4))?;
-        let staging = &staging.raw;
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(&self.raw, 0, staging, 0, bytes.next_multiple_of(4));
-        gpu.queue.submit([encoder.finish()]);
-        let (sender, receiver) = std::sync::mpsc::channel();
-        staging.map_async(wgpu::MapMode::Read, .., move |mapped| {
-            // The receiver lives until this has been called, or the wait below has failed.
-            let _ = sender.send(mapped);
-        });
-        gpu.wait()?;
         let unreadable = |e: &dyn std::fmt::Display| {
             Error::new(format!("cannot read a buffer back: {e}")).at(&gpu.info.name)
         };
-        receiver
-            .recv()
-            .map_err(|e| unreadable(&e))?
-            .map_err(|e| unreadable(&e))?;
-        let view = staging.get_mapped_range(..).map_err(|e| unreadable(&e))?;
-        let mut values = vec![T::zeroed(); len];
-        bytemuck::cast_slice_mut::<T, u8>(&mut values).copy_from_slice(&view[..bytes as usize]);
-        Ok(values)
+        let staging = Self::readback(gpu, Self::readback_bytes(out.len() as u64))?;
+        let staging = &staging.raw;
+        let mut first = first;
+        for portion in out.chunks_mut(PORTION) {
+            let bytes = (portion.len() as u64).next_multiple_of(4);
+            let mut encoder = gpu.device.create_command_encoder(&Default::default());
+            encoder.copy_buffer_to_buffer(&self.raw, first, staging, 0, bytes);
+            gpu.queue.submit([encoder.finish()]);
+            let (sender, receiver) = std::sync::mpsc::channel();
+            staging.map_async(wgpu::MapMode::Read, ..bytes, move |mapped| {
+                // The receiver lives until this has been called, or the wait below has failed.
+                let _ = sender.send(mapped);
+            });
+            gpu.wait()?;
+            receiver
+                .recv()
+                .map_err(|e| unreadable(&e))?
+                .map_err(|e| unreadable(&e))?;
+            let view = staging
+                .get_mapped_range(..bytes)
+                .map_err(|e| unreadable(&e))?;
+            portion.copy_from_slice(&view[..portion.len()]);
+            drop(view);
+            staging.unmap();
+            first += bytes;
+        }
+        Ok(())
+    }
+
+    /// What is held beside a buffer while `bytes` bytes of it are read.
+    pub fn readback_bytes(bytes: u64) -> u64 {
+        bytes.next_multiple_of(4).min(PORTION as u64)
     }
 }
 

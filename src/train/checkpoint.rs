@@ -17,6 +17,7 @@ use super::supervision::{Supervision, TrainingView};
 use super::trainer::Trainer;
 use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
+use crate::gpu::PORTION;
 use crate::render::{BLOCK_PLANES, Model, most_gaussians, n_blocks};
 use crate::run::LossSample;
 
@@ -62,14 +63,22 @@ impl Trainer<'_> {
         }
     }
 
-    /// The optimizer's buffers as bytes, each read from the GPU when it is its turn.
+    /// The optimizer's buffers as bytes in a row, in portions that are read from the GPU when it is
+    /// their turn.
     ///
     /// # Errors
     /// Of an item: a GPU fault.
     pub fn buffers(&self) -> impl Iterator<Item = Result<Vec<u8>>> {
         let lens = self.state().buffer_lens();
         let buffers = self.optimizer.buffers().into_iter().zip(lens);
-        buffers.map(|(buffer, len)| buffer.read(self.gpu, 16 * len))
+        buffers.flat_map(move |(buffer, len)| {
+            let bytes = 16 * len;
+            (0..bytes).step_by(PORTION).map(move |first| {
+                let mut portion = vec![0; PORTION.min(bytes - first)];
+                buffer.read_into(self.gpu, first as u64, &mut portion)?;
+                Ok(portion)
+            })
+        })
     }
 
     /// Goes back or on to a state of this run; `buffers` are those of [`Trainer::buffers`] in a

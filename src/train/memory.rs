@@ -3,7 +3,7 @@
 use super::optimizer::{plan_bytes, statistics_bytes};
 use super::supervision::{Supervision, TrainingView};
 use crate::config::Config;
-use crate::gpu::Gpu;
+use crate::gpu::{Buffer, Gpu};
 use crate::render::{
     Capacity, PoseGradient, ViewUniform, WorkspaceBytes, block_bytes, first_pairs, model_bytes,
     most_gaussians,
@@ -23,7 +23,7 @@ pub struct TrainingBytes {
     pub workspace: WorkspaceBytes,
     /// Gradients of poses, where they are refined.
     pub poses: u64,
-    /// The largest block that the host reads.
+    /// What the host reads at once.
     pub reading: u64,
     /// What densifying holds beside the old set.
     pub densifying: u64,
@@ -80,7 +80,7 @@ impl TrainingBytes {
                 true => PoseGradient::bytes(capacity.stride),
                 false => 0,
             },
-            reading: block_bytes(capacity.stride, sh_degree),
+            reading: Buffer::readback_bytes(block_bytes(capacity.stride, sh_degree)),
             densifying: 0,
         }
     }
