@@ -21,6 +21,22 @@ pub fn forget_peak() {
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 
+/// Seconds of `work` on the CPU, on average over so many times that the system's count, in steps of
+/// some milliseconds, can tell them.
+///
+/// # Errors
+/// One of `work`.
+pub fn often(mut work: impl FnMut() -> Result<()>) -> Result<f64> {
+    let mut times = 1;
+    loop {
+        let seconds = of_cpu(|| (0..times).try_for_each(|_| work()))?;
+        if seconds >= 0.05 || times >= 1024 {
+            return Ok(seconds / f64::from(times));
+        }
+        times *= 4;
+    }
+}
+
 /// Against the number of virtual views.
 ///
 /// # Errors
@@ -84,13 +100,14 @@ pub fn points(args: &Args, figures: &mut Vec<Figure>) -> Result<()> {
         forget_peak();
         let mut least = [f64::INFINITY; 3];
         for _ in 0..args.rounds.clamp(1, 3) {
-            let load = of_cpu(|| {
+            let load = often(|| {
                 assert_eq!(read_cloud(&file)?.len(), n, "points are lost");
                 Ok(())
             })?;
-            let start = of_cpu(|| Gaussians::from_cloud(&points, &frame, &config.model))?;
+            let start = often(|| Gaussians::from_cloud(&points, &frame, &config.model).map(drop))?;
             let (config, near) = (&config.splat, config.model.near);
-            let splat = of_cpu(|| splat_views(&points, &frame, &virtual_cameras, config, near))?;
+            let splat =
+                often(|| splat_views(&points, &frame, &virtual_cameras, config, near).map(drop))?;
             for (least, seconds) in least.iter_mut().zip([load, start, splat]) {
                 *least = least.min(seconds);
             }
