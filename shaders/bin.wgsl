@@ -25,7 +25,6 @@ fn bin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec
     if (rank >= view.counts.x) {
         return;
     }
-    let stride = view.counts.y;
     let counting = mode.x == COUNT;
     if (!counting && totals[TOTAL_OVERFLOW] != 0u) {
         return;

@@ -36,7 +36,6 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgrou
     if (tile >= view.size.z * view.size.w || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
-    let stride = view.counts.y;
     let x4 = tile % view.size.z;
     let y = (tile / view.size.z) * TILE_H;
     let px = vec4f(0.5, 1.5, 2.5, 3.5) + f32(4u * x4);
