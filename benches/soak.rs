@@ -16,9 +16,9 @@ use gspotential::error::{Error, Result};
 use gspotential::eval::EvalOptions;
 use gspotential::gpu::Gpu;
 use gspotential::pipeline::{Clock, TrainJob, train};
-use gspotential::report::Table;
 use gspotential::run::{RunDir, Seconds, Stop};
 use gspotential::scene::SceneSource;
+use gspotential::terminal::Table;
 
 /// Between two looks at the memory.
 const PERIOD: Duration = Duration::from_millis(250);

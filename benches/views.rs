@@ -9,13 +9,13 @@ use std::time::Instant;
 
 use clap::Parser;
 use gspotential::camera::Camera;
+use gspotential::cloud::visibility::{Support, Visibility, candidate_shares};
 use gspotential::config::Config;
 use gspotential::error::Result;
 use gspotential::field::{Field, Focus};
 use gspotential::pipeline::load_scene;
 use gspotential::scene::{LoadOptions, SceneSource};
 use gspotential::views::{VirtualView, candidates, virtual_views};
-use gspotential::visibility::{Support, Visibility, candidate_shares};
 
 /// Every so many candidates are measured in full.
 const STRIDE: usize = 16;

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use gspotential::cli::Cli;
-use gspotential::logging;
+use gspotential::terminal::logging;
 
 fn main() -> ExitCode {
     quiet_device_selection();

@@ -1,5 +1,6 @@
-//! Modules use one another one way only: every module may use those above it in the list. The f64
-//! reference stands apart: it uses none of them, and only what compares with it uses it.
+//! Modules use one another one way only: every module may use those above it in the list, and the
+//! parts of a folder use one another without a circle. The f64 twin stands apart: it uses none of
+//! them, and only what compares with it uses it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -8,29 +9,21 @@ use std::path::{Path, PathBuf};
 /// The modules from the ground up; the flow of data from `scene` to `report` in its order.
 const ORDER: &[&str] = &[
     "error",
-    "digest",
-    "ply",
+    "files",
+    "terminal",
     "camera",
-    "compass",
     "config",
-    "logging",
-    "progress",
-    "cameras_json",
     "scene",
     "gaussians",
     "gpu",
     "metrics",
-    "run",
-    "stats",
     "field",
-    "gaps",
     "views",
-    "splat",
-    "carve",
-    "visibility",
+    "cloud",
     "render",
     "train",
     "eval",
+    "run",
     "report",
     "pipeline",
     "study",
@@ -38,14 +31,11 @@ const ORDER: &[&str] = &[
     "cli",
 ];
 
-/// The f64 reference, which shares no arithmetic with what is held to it.
-const REFERENCE: &str = "reference";
+/// The f64 twin, which shares no arithmetic with what is held to it.
+const TWIN: &str = "doctor/twin";
 
-/// Who may use the reference.
-const REFERENCE_USERS: &[&str] = &["doctor"];
-
-/// What the reference may use: itself, the standard library, threads and random bits.
-const REFERENCE_NEEDS: &[&str] = &["super", "std", "rayon", "rand_chacha"];
+/// What the twin may use: itself, the standard library, threads and random bits.
+const TWIN_NEEDS: &[&str] = &["super", "std", "rayon", "rand_chacha"];
 
 fn rank(module: &str) -> Option<usize> {
     ORDER.iter().position(|name| *name == module)
@@ -120,40 +110,37 @@ fn violations(path: &Path, code: &str) -> Vec<String> {
     if parts.len() == 1 && (module == "main" || module == "lib") {
         return Vec::new();
     }
+    if path.starts_with(TWIN) {
+        return foreign_to_twin(path, code);
+    }
     let depth = parts.len() - usize::from(parts.last().is_some_and(|part| part == "mod"));
-    let used = used_modules(code, depth);
-    let refused: Vec<String> = if module == REFERENCE {
-        let other = used.into_iter().filter(|used| used != REFERENCE);
-        other.chain(foreign_to_reference(code)).collect()
-    } else if let Some(own) = rank(module) {
-        let allowed = |used: &str| {
-            if used == REFERENCE {
-                REFERENCE_USERS.contains(&module.as_str())
-            } else {
-                rank(used).is_none_or(|theirs| theirs <= own)
-            }
-        };
-        used.into_iter().filter(|used| !allowed(used)).collect()
-    } else {
+    let Some(own) = rank(module) else {
         return vec![format!(
             "{}: `{module}` is not in the order",
             path.display()
         )];
     };
+    let mut refused = used_modules(code, depth);
+    refused.retain(|used| rank(used).is_some_and(|theirs| theirs > own));
+    if module != "doctor" && names_after(code, &["crate::doctor::"]).contains(&"twin".to_owned()) {
+        refused.push(TWIN.to_owned());
+    }
     refused
         .iter()
         .map(|used| format!("{}: `{module}` may not use `{used}`", path.display()))
         .collect()
 }
 
-/// What a file of the reference uses beyond [`REFERENCE_NEEDS`], and files that it takes in whole.
-fn foreign_to_reference(code: &str) -> Vec<String> {
+/// What a file of the twin uses beyond [`TWIN_NEEDS`], and files that it takes in whole.
+fn foreign_to_twin(path: &Path, code: &str) -> Vec<String> {
+    let is_mod = path.file_stem().is_some_and(|stem| stem == "mod");
+    let above = "super::".repeat(if is_mod { 1 } else { 2 });
+    let mut found = names_after(code, &["crate::", &above]);
     let lines = code.lines().map(str::trim);
     let lines = lines.map(|line| line.strip_prefix("pub ").unwrap_or(line));
-    let mut found = Vec::new();
     for line in lines {
         let uses = line.strip_prefix("use ").map(first_names);
-        let foreign = |name: &String| !REFERENCE_NEEDS.contains(&name.as_str());
+        let foreign = |name: &String| !TWIN_NEEDS.contains(&name.as_str());
         found.extend(uses.into_iter().flatten().filter(foreign));
         if line.contains("include!") || line.starts_with("#[path") {
             found.push(line.to_owned());
@@ -173,19 +160,25 @@ fn rust_files(folder: &Path, files: &mut Vec<PathBuf>) {
     }
 }
 
-#[test]
-fn modules_depend_one_way() {
+/// Every Rust file of `src` with its text, by its path there.
+fn sources() -> Vec<(PathBuf, String)> {
     let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut files = Vec::new();
     rust_files(&src, &mut files);
     assert!(files.len() > 10, "found {} files", files.len());
-    let found: Vec<String> = files
-        .iter()
-        .flat_map(|file| {
-            let code = fs::read_to_string(file).unwrap();
-            violations(file.strip_prefix(&src).unwrap(), &code)
-        })
-        .collect();
+    let read = |file: PathBuf| {
+        let code = fs::read_to_string(&file).unwrap();
+        (file.strip_prefix(&src).unwrap().to_owned(), code)
+    };
+    files.into_iter().map(read).collect()
+}
+
+#[test]
+fn modules_depend_one_way() {
+    let found = sources()
+        .into_iter()
+        .flat_map(|(path, code)| violations(&path, &code));
+    let found: Vec<String> = found.collect();
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
 
@@ -200,8 +193,8 @@ fn planted_violations_are_found() {
         ),
         2
     );
-    assert_eq!(n("field.rs", "fn f() { crate::render::draw() }"), 1);
-    assert_eq!(n("field.rs", "use super::render;"), 1);
+    assert_eq!(n("field/focus.rs", "fn f() { crate::render::draw() }"), 1);
+    assert_eq!(n("field/mod.rs", "use super::render;"), 1);
     assert_eq!(n("gpu/limits.rs", "use super::super::views::View;"), 1);
     assert_eq!(n("unheard_of.rs", ""), 1);
 
@@ -218,7 +211,7 @@ fn planted_violations_are_found() {
     );
     assert_eq!(
         n(
-            "field.rs",
+            "field/mod.rs",
             "use crate::field::Kernel; use wgpu::crate_train::x;"
         ),
         0
@@ -226,12 +219,16 @@ fn planted_violations_are_found() {
     assert_eq!(n("lib.rs", "use crate::train;"), 0);
 }
 
-/// The parts of `module` that `code`, a file below it, names.
-fn used_parts(module: &str, path: &Path, code: &str) -> Vec<String> {
+/// The parts of `folder` that `code`, the file at `path` below it, names.
+fn used_parts(folder: &Path, path: &Path, code: &str) -> Vec<String> {
     let is_mod = path.file_stem().is_some_and(|stem| stem == "mod");
-    let depth = path.iter().count() - 1 - usize::from(is_mod);
-    let from_root = format!("crate::{module}::");
-    names_after(code, &[&from_root, &"super::".repeat(depth)])
+    let below = path.iter().count() - folder.iter().count();
+    let from_root: String = folder
+        .iter()
+        .map(|part| format!("{}::", part.to_string_lossy()))
+        .collect();
+    let above = "super::".repeat(below - usize::from(is_mod));
+    names_after(code, &[&format!("crate::{from_root}"), &above])
 }
 
 /// A circle among the parts of a module, if there is one.
@@ -263,12 +260,12 @@ fn circle(uses: &BTreeMap<String, BTreeSet<String>>) -> Option<Vec<String>> {
     })
 }
 
-/// What each file or folder right below `module` uses of its siblings.
-fn sibling_uses(module: &str, files: &[(PathBuf, String)]) -> BTreeMap<String, BTreeSet<String>> {
+/// What each file or folder right below `folder` uses of its siblings.
+fn sibling_uses(folder: &Path, files: &[(PathBuf, String)]) -> BTreeMap<String, BTreeSet<String>> {
     let part = |path: &Path| {
-        let rest = path.strip_prefix(module).ok()?.with_extension("");
+        let rest = path.strip_prefix(folder).ok()?.with_extension("");
         let first = rest.iter().next()?.to_string_lossy().into_owned();
-        (first != "mod").then_some(first)
+        (!["mod", "lib", "main"].contains(&first.as_str())).then_some(first)
     };
     let mut uses: BTreeMap<String, BTreeSet<String>> = files
         .iter()
@@ -276,7 +273,7 @@ fn sibling_uses(module: &str, files: &[(PathBuf, String)]) -> BTreeMap<String, B
         .collect();
     for (path, code) in files {
         let Some(own) = part(path) else { continue };
-        for used in used_parts(module, path, code) {
+        for used in used_parts(folder, path, code) {
             if used != own && uses.contains_key(&used) {
                 uses.entry(own.clone()).or_default().insert(used);
             }
@@ -286,32 +283,45 @@ fn sibling_uses(module: &str, files: &[(PathBuf, String)]) -> BTreeMap<String, B
 }
 
 #[test]
-fn the_parts_of_scene_use_one_another_without_a_circle() {
-    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let mut files = Vec::new();
-    rust_files(&src.join("scene"), &mut files);
-    let files: Vec<(PathBuf, String)> = files
-        .into_iter()
-        .map(|file| {
-            let code = fs::read_to_string(&file).unwrap();
-            (file.strip_prefix(&src).unwrap().to_owned(), code)
+fn no_folder_holds_a_circle() {
+    let files = sources();
+    let folders: BTreeSet<&Path> = files
+        .iter()
+        .flat_map(|(path, _)| path.ancestors().skip(1))
+        .collect();
+    assert!(folders.contains(Path::new("scene/formats")), "{folders:?}");
+    let circles: Vec<String> = folders
+        .iter()
+        .filter_map(|folder| {
+            let circle = circle(&sibling_uses(folder, &files))?;
+            Some(format!("{}: {}", folder.display(), circle.join(" -> ")))
         })
         .collect();
-    let uses = sibling_uses("scene", &files);
+    assert!(circles.is_empty(), "{}", circles.join("\n"));
+}
+
+#[test]
+fn planted_circles_are_found() {
+    let files = sources();
+    let uses = sibling_uses(Path::new("scene"), &files);
     assert!(
         uses["load"].contains("formats") && uses["formats"].contains("layout"),
         "{uses:?}"
     );
-    assert_eq!(circle(&uses), None);
-
     let planted = |path: &str, code: &str| {
         let mut files = files.clone();
         files.push((PathBuf::from(path), code.to_owned()));
-        circle(&sibling_uses("scene", &files))
+        let folders = Path::new(path).ancestors().skip(1);
+        folders
+            .into_iter()
+            .find_map(|folder| circle(&sibling_uses(folder, &files)))
     };
     assert!(planted("scene/formats/x.rs", "use crate::scene::load::load;").is_some());
-    assert!(planted("scene/formats/x.rs", "use super::super::cloud::clean;").is_some());
+    assert!(planted("scene/formats/x.rs", "use super::super::load::load;").is_some());
     assert!(planted("scene/lens.rs", "use super::undistort::undistort;").is_some());
+    assert!(planted("train/schedule.rs", "use super::policy::plan;").is_some());
+    assert!(planted("pipeline/job.rs", "use super::train::train;").is_some());
+    assert!(planted("scene/builtin/noise.rs", "use super::texture::Texture;").is_some());
     assert_eq!(
         planted("scene/formats/x.rs", "use crate::scene::lens::pinhole;"),
         None
@@ -319,35 +329,40 @@ fn the_parts_of_scene_use_one_another_without_a_circle() {
 }
 
 #[test]
-fn planted_violations_around_the_reference_are_found() {
+fn a_module_with_parts_is_a_folder_with_a_mod_file() {
+    let files = sources();
+    let beside = files.iter().filter(|(path, _)| {
+        let folder = path.with_extension("");
+        files
+            .iter()
+            .any(|(other, _)| other != path && other.starts_with(&folder))
+    });
+    let beside: Vec<_> = beside.map(|(path, _)| path.display().to_string()).collect();
+    assert!(beside.is_empty(), "{}", beside.join("\n"));
+}
+
+#[test]
+fn planted_violations_around_the_twin_are_found() {
     let n = |path: &str, code: &str| violations(Path::new(path), code).len();
     // It shares nothing: neither modules, nor crates that do arithmetic, nor files.
-    assert_eq!(n("reference/sh.rs", "use crate::gpu::constants::SH_0;"), 2);
-    assert_eq!(n("reference/sh.rs", "use super::super::render;"), 1);
-    assert_eq!(n("reference/mod.rs", "pub use super::metrics::ssim;"), 1);
+    let twin = |code: &str| n("doctor/twin/sh.rs", code);
+    assert_eq!(twin("use crate::gpu::constants::SH_0;"), 2);
+    assert_eq!(twin("use super::super::rig;"), 1);
     assert_eq!(
-        n("reference/sh.rs", "fn f() { crate::error::read_file() }"),
+        n("doctor/twin/mod.rs", "pub use super::finding::Finding;"),
         1
     );
-    assert_eq!(n("reference/model.rs", "use glam::DVec3;"), 1);
-    assert_eq!(n("reference/model.rs", "include!(\"../field.rs\");"), 1);
-    assert_eq!(
-        n(
-            "reference/model.rs",
-            "#[path = \"../field.rs\"]\nmod field;"
-        ),
-        1
-    );
+    assert_eq!(twin("fn f() { crate::files::read_file() }"), 1);
+    assert_eq!(twin("use glam::DVec3;"), 1);
+    assert_eq!(twin("include!(\"../field.rs\");"), 1);
+    assert_eq!(twin("#[path = \"../field.rs\"]\nmod field;"), 1);
     // Nor does anything but the comparisons use it.
-    assert_eq!(n("render/pass.rs", "use crate::reference::sh;"), 1);
-    assert_eq!(n("metrics.rs", "use super::{error, reference::loss};"), 1);
+    assert!(n("render/pass.rs", "use crate::doctor::twin::sh;") > 0);
+    assert_eq!(n("cli/doctor.rs", "use crate::doctor::twin::sh;"), 1);
 
     assert_eq!(
-        n(
-            "reference/sh.rs",
-            "use super::linalg::{Vec3, dot};\nuse rayon::prelude::*;"
-        ),
+        twin("use super::linalg::{Vec3, dot};\nuse rayon::prelude::*;"),
         0
     );
-    assert_eq!(n("doctor/views.rs", "use crate::reference::sh;"), 0);
+    assert_eq!(n("doctor/view.rs", "use crate::doctor::twin::sh;"), 0);
 }

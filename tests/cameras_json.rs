@@ -2,7 +2,7 @@
 
 use glam::{DVec3, dvec3};
 use gspotential::camera::Camera;
-use gspotential::cameras_json::{read_cameras, write_cameras};
+use gspotential::camera::json::{read_cameras, write_cameras};
 
 use crate::geometry::{camera, ring, scratch};
 

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, dvec3};
 use gspotential::camera::{Camera, Frame};
-use gspotential::carve::{Carved, carve};
+use gspotential::cloud::carve::{Carved, carve};
 use gspotential::config::CarveConfig;
 use gspotential::eval::score_point_splat;
 use gspotential::field::Focus;

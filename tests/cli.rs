@@ -4,7 +4,8 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use gspotential::config::Config;
-use gspotential::run::{Memory, Metrics, PoseProtocol, RunDir, SceneRecord, Seconds};
+use gspotential::run::{Memory, Metrics, RunDir, SceneRecord, Seconds};
+use gspotential::scene::PoseProtocol;
 
 use crate::metrics::lpips_reference::{ALEX, generated};
 use crate::scene::build::{Folder, GOOD_PLY};

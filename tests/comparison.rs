@@ -2,11 +2,10 @@
 
 use gspotential::config::Config;
 use gspotential::metrics::lpips::{InputRange, Net};
+use gspotential::metrics::{CoveredScore, LpipsRecord, MaskedScore, Renders, ViewScore};
 use gspotential::report::{ComparedRun, Comparison, runs_csv, runs_json};
-use gspotential::run::{
-    CoveredScore, Evaluation, LpipsRecord, MaskedScore, Measured, Memory, Metrics, PoseProtocol,
-    Renders, RunDir, SceneRecord, Seconds, ViewScore,
-};
+use gspotential::run::{Evaluation, Measured, Memory, Metrics, RunDir, SceneRecord, Seconds};
+use gspotential::scene::PoseProtocol;
 use serde_json::Value;
 
 /// A run that is made without training.

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use gspotential::camera::Camera;
-use gspotential::compass::Compass;
+use gspotential::camera::compass::Compass;
 
 #[test]
 fn angles_and_directions_invert_one_another() {

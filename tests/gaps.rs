@@ -1,10 +1,10 @@
 //! Where photographs leave holes: the measure, the advice, and the command that prints them.
 
 use glam::DVec3;
-use gspotential::compass::Compass;
+use gspotential::camera::compass::Compass;
 use gspotential::config::Kernel;
+use gspotential::field::gaps::{Gaps, uncovered};
 use gspotential::field::{Field, fibonacci_sphere};
-use gspotential::gaps::{Gaps, uncovered};
 
 const SIGMA: f64 = 5.298292365610484;
 

@@ -3,10 +3,10 @@
 use glam::{DVec3, Vec3, dvec3};
 use gspotential::camera::Frame;
 use gspotential::config::ModelConfig;
+use gspotential::doctor::twin::sh::basis;
 use gspotential::gaussians::Gaussians;
 use gspotential::gaussians::splat::write_splat;
 use gspotential::gaussians::spz::write_spz;
-use gspotential::reference::sh::basis;
 use gspotential::scene::PointCloud;
 
 use crate::gaussians_ply::distinct;

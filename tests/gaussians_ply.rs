@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{Vec3, dvec3};
 use gspotential::camera::Frame;
-use gspotential::cameras_json::read_cameras;
+use gspotential::camera::json::read_cameras;
 use gspotential::gaussians::Gaussians;
 use gspotential::gaussians::ply::{read_ply, write_ply};
 

@@ -1,9 +1,9 @@
 //! What a run is said to need is what it takes, to the byte.
 
 use gspotential::config::Config;
+use gspotential::doctor::twin::cases::Random;
 use gspotential::gpu::Gpu;
 use gspotential::pipeline::{Forecast, Prepared, load_scene, prepare};
-use gspotential::reference::cases::Random;
 use gspotential::render::{Kernels, first_pairs, most_pairs};
 use gspotential::run::Seconds;
 use gspotential::scene::{LoadOptions, Scene, SceneSource};

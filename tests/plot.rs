@@ -1,7 +1,7 @@
 //! Plots: what is drawn, what is refused.
 
 use glam::DVec3;
-use gspotential::compass::Compass;
+use gspotential::camera::compass::Compass;
 use gspotential::report::plot::{Axis, MapMark, Plot, Point, SphereMap, Style};
 
 fn curve(points: &[(f64, f64)]) -> Vec<Point> {

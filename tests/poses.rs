@@ -2,15 +2,16 @@
 
 use std::process::Command;
 
+use gspotential::camera::json::read_cameras;
 use gspotential::camera::{Camera, Frame};
-use gspotential::cameras_json::read_cameras;
 use gspotential::config::Config;
+use gspotential::error::Result;
 use gspotential::eval::PoseErrors;
 use gspotential::pipeline::{load_scene, prepare};
 use gspotential::run::{RunDir, Seconds};
 use gspotential::scene::builtin::{BuiltinOptions, scene};
 use gspotential::scene::{LoadOptions, Scene, SceneSource};
-use gspotential::train::{Observer, PoseAdam, Trained, Trainer, pose_rates};
+use gspotential::train::{Observer, PoseAdam, State, Trained, Trainer, pose_rates};
 
 use crate::gpu::rig::context;
 
@@ -94,18 +95,22 @@ fn refined_poses_come_nearer_to_the_truth_and_the_loss_falls() {
 }
 
 /// Keeps a state half way.
-struct Halfway(u32, Option<(gspotential::train::State, Vec<u8>)>);
+struct Halfway(u32, Option<(State, Vec<u8>)>);
 
 impl Observer for Halfway {
-    fn look(&mut self, _: &gspotential::run::LossSample, _: usize) {}
+    fn look(&mut self, _: &gspotential::train::LossSample, _: usize) {}
 
     fn keeps(&self, done: u32) -> bool {
         done == self.0
     }
 
-    fn keep(&mut self, trainer: &Trainer<'_>) -> gspotential::error::Result<()> {
-        let buffers: Result<Vec<Vec<u8>>, _> = trainer.buffers().collect();
-        self.1 = Some((trainer.state(), buffers?.concat()));
+    fn keep(
+        &mut self,
+        state: &State,
+        buffers: &mut dyn Iterator<Item = Result<Vec<u8>>>,
+    ) -> Result<()> {
+        let buffers: Result<Vec<Vec<u8>>> = buffers.collect();
+        self.1 = Some((state.clone(), buffers?.concat()));
         Ok(())
     }
 }

@@ -4,13 +4,13 @@ use std::io::Write;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use gspotential::logging::{Style, line};
-use gspotential::progress::Progress;
-use gspotential::report::{
-    ContactSheet, Table, evaluation_table, mask_image, write_exr, write_png,
-};
-use gspotential::run::{Evaluation, ViewScore};
+use gspotential::metrics::ViewScore;
+use gspotential::report::{ContactSheet, evaluation_table, mask_image, write_exr, write_png};
+use gspotential::run::Evaluation;
 use gspotential::scene::Image;
+use gspotential::terminal::Table;
+use gspotential::terminal::logging::{Style, line};
+use gspotential::terminal::progress::Progress;
 
 fn plain(width: u32, height: u32, color: [u8; 3]) -> Image {
     Image {

@@ -3,10 +3,13 @@
 use std::fs;
 
 use gspotential::config::Config;
+use gspotential::metrics::{CoveredScore, MaskedScore, ViewScore};
 use gspotential::run::{
-    CoveredScore, CurvePoint, Evaluation, ImageLoss, LossSample, MaskedScore, Memory, Metrics,
-    ModelSize, PoseProtocol, RunDir, SceneRecord, Seconds, ViewScore, file_names, peak_host_bytes,
+    CurvePoint, Evaluation, Memory, Metrics, ModelSize, RunDir, SceneRecord, Seconds, file_names,
+    peak_host_bytes,
 };
+use gspotential::scene::PoseProtocol;
+use gspotential::train::{ImageLoss, LossSample};
 use serde_json::Value;
 
 fn config() -> Config {

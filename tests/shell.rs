@@ -4,10 +4,10 @@ use glam::{DMat3, DVec3, Vec3};
 use gspotential::camera::Camera;
 use gspotential::config::ShellConfig;
 use gspotential::doctor::gaussians_of;
+use gspotential::doctor::twin::cases::{Random, looking_at, random_scene};
 use gspotential::gaussians::Gaussians;
-use gspotential::reference::cases::{Random, looking_at, random_scene};
 use gspotential::render::{Model, Renderer, ViewUniform};
-use gspotential::run::PlanCounts;
+use gspotential::train::PlanCounts;
 use gspotential::train::Shell;
 
 use crate::gpu::rig::context;

@@ -2,11 +2,11 @@
 
 use glam::{DMat3, DVec3, dvec3};
 use gspotential::camera::{Camera, Frame};
+use gspotential::cloud::splat::{SplatImage, splat_views};
 use gspotential::config::SplatConfig;
+use gspotential::doctor::twin::splat::{filtered, nearest_points};
 use gspotential::doctor::twin_of;
-use gspotential::reference::splat::{filtered, nearest_points};
 use gspotential::scene::PointCloud;
-use gspotential::splat::{SplatImage, splat_views};
 
 use crate::geometry::{Random, camera, cloud};
 

@@ -2,6 +2,7 @@
 
 use glam::{DVec3, dvec3};
 use gspotential::camera::{Camera, Frame};
+use gspotential::cloud::visibility::{Support, Visibility, candidate_shares};
 use gspotential::config::{Config, SplatConfig, VisibilityConfig};
 use gspotential::field::{Field, Focus};
 use gspotential::pipeline::prepare;
@@ -9,7 +10,6 @@ use gspotential::run::Seconds;
 use gspotential::scene::builtin::{BuiltinOptions, scene};
 use gspotential::scene::{PointCloud, Scene};
 use gspotential::views::candidates;
-use gspotential::visibility::{Support, Visibility, candidate_shares};
 
 use crate::geometry::{Random, camera, cloud, paper, ring};
 use crate::splat::brute_force;

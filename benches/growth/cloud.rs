@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 use gspotential::config::Config;
+use gspotential::doctor::twin::cases::Random;
 use gspotential::error::Result;
 use gspotential::pipeline::load_scene;
-use gspotential::reference::cases::Random;
 use gspotential::scene::{LoadOptions, PointCloud, Scene, SceneSource};
 
 /// Points of the built-in scene's cloud that copies are scattered around, in the scene's unit.

@@ -1,12 +1,13 @@
 //! What the CPU does before training, against virtual views and points.
 
+use gspotential::cloud::splat::splat_views;
 use gspotential::config::Config;
-use gspotential::error::{Error, Result, write_file};
+use gspotential::error::{Error, Result};
+use gspotential::files::write_file;
 use gspotential::gaussians::Gaussians;
 use gspotential::pipeline::{Prepared, focus_of, prepare};
 use gspotential::run::{Seconds, peak_host_bytes};
 use gspotential::scene::read_cloud;
-use gspotential::splat::splat_views;
 
 use super::clock::of_cpu;
 use super::{Args, Figure, POINTS, VIEWS, cloud, sizes};

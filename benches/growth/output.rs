@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use gspotential::error::{Error, Result, create_dir, write_file};
-use gspotential::report::Table;
+use gspotential::error::{Error, Result};
+use gspotential::files::{create_dir, write_file};
 use gspotential::report::plot::{Axis, Plot, Point, Style};
+use gspotential::terminal::Table;
 
 use super::clock;
 use super::count::{OPERATIONS, RASTERIZE};

@@ -2,6 +2,10 @@
 
 use gspotential::camera::Camera;
 use gspotential::config::Config;
+use gspotential::doctor::twin::cases::loss_weights;
+use gspotential::doctor::twin::compare::relative_l2;
+use gspotential::doctor::twin::model::{TwinCamera, TwinGaussians};
+use gspotential::doctor::twin::raster::{backward, render};
 use gspotential::doctor::{Context, Rig, twin_of, wide};
 use gspotential::error::Result;
 use gspotential::gaussians::Gaussians;
@@ -9,10 +13,6 @@ use gspotential::gpu::constants::{DEPTH_BITS, RADIX_BITS};
 use gspotential::gpu::shader::compose;
 use gspotential::gpu::{Commands, Gpu, Profile};
 use gspotential::pipeline::prepare;
-use gspotential::reference::cases::loss_weights;
-use gspotential::reference::compare::relative_l2;
-use gspotential::reference::model::{TwinCamera, TwinGaussians};
-use gspotential::reference::raster::{backward, render};
 use gspotential::render::{Kernels, Pass, ViewUniform};
 use gspotential::run::Seconds;
 use gspotential::scene::Scene;

@@ -3,9 +3,10 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use gspotential::error::{Result, create_dir, write_file};
-use gspotential::report::Table;
+use gspotential::error::Result;
+use gspotential::files::{create_dir, write_file};
 use gspotential::report::plot::{Axis, Plot, Point, Style};
+use gspotential::terminal::Table;
 
 use super::Measured;
 use super::splat::{ALL, COVERED};

@@ -1,12 +1,12 @@
 //! The side of a splatted point's square against the images of the bare point splat.
 
 use gspotential::camera::Camera;
+use gspotential::cloud::splat::splat_views;
 use gspotential::config::Config;
 use gspotential::error::Result;
 use gspotential::eval::score_point_splat;
 use gspotential::field::Focus;
 use gspotential::scene::Scene;
-use gspotential::splat::splat_views;
 
 use super::Measured;
 use super::clock::of_cpu;

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::doctor::examine;
-use crate::error::{Error, Result, write_file};
+use crate::error::{Error, Result};
+use crate::files::write_file;
 use crate::gpu::Gpu;
 
 const EXAMPLES: &str = "\

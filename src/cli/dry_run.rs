@@ -1,8 +1,8 @@
 //! What `train --dry-run` prints.
 
 use crate::pipeline::DryRun;
-use crate::progress::short_time;
-use crate::report::Table;
+use crate::terminal::Table;
+use crate::terminal::progress::short_time;
 
 /// What a run would take, as a table.
 pub fn text(dry: &DryRun) -> String {

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::measure::MeasureArgs;
-use crate::error::{Error, Result, write_file};
+use crate::error::{Error, Result};
 use crate::eval::{Alignment, EvalOptions};
+use crate::files::write_file;
 use crate::pipeline;
 use crate::report::{
     ComparedRun, Comparison, check_protocols, evaluation_table, runs_csv, runs_json,

@@ -5,10 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::config::{Config, PRESETS};
-use crate::error::{Error, Result, create_dir, write_file};
+use crate::error::{Error, Result};
+use crate::files::{create_dir, write_file};
 use crate::pipeline::{self, FieldReport};
-use crate::report::Table;
 use crate::scene::{LoadOptions, SceneSource};
+use crate::terminal::Table;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -4,8 +4,8 @@ use clap::Args;
 
 use crate::error::{Error, Result};
 use crate::gpu;
-use crate::logging::{self, Style};
-use crate::report::Table;
+use crate::terminal::Table;
+use crate::terminal::logging::{self, Style};
 
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Machine")]

@@ -7,8 +7,8 @@ use clap::Args;
 use crate::error::Result;
 use crate::eval::EvalOptions;
 use crate::metrics::Lpips;
+use crate::metrics::Renders;
 use crate::metrics::lpips::InputRange;
-use crate::run::Renders;
 
 /// How test views are measured.
 #[derive(Clone, Debug, Args)]

@@ -4,7 +4,7 @@ use clap::Args;
 
 use crate::config::{Key, PRESETS, keys, summary};
 use crate::error::Result;
-use crate::report::Table;
+use crate::terminal::Table;
 
 const EXAMPLES: &str = "\
 Examples:

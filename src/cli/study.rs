@@ -6,9 +6,9 @@ use clap::Args;
 
 use super::measure::MeasureArgs;
 use crate::error::Result;
-use crate::report::Table;
 use crate::scene::SceneSource;
 use crate::study::{self, Options, State, StudyName};
+use crate::terminal::Table;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -9,7 +9,8 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::Config;
-use crate::error::{Error, Result, did_you_mean, read_file};
+use crate::error::{Error, Result, did_you_mean};
+use crate::files::read_file;
 
 /// Name and text of every preset; the first is the default. `fast` and those of the
 /// ablation state what they change and from what, the others every value.

@@ -4,8 +4,8 @@ use serde::Serialize;
 
 use super::rig::Context;
 use crate::config::Config;
-use crate::digest::sha256;
 use crate::error::Result;
+use crate::files::digest::sha256;
 use crate::gaussians::Gaussians;
 use crate::pipeline::{Prepared, prepare};
 use crate::run::Seconds;

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::reference::compare::{held_l2, held_off_mask};
+use crate::doctor::twin::compare::{held_l2, held_off_mask};
 
 /// One quantity of one stage held against the reference.
 #[derive(Clone, Debug, Serialize)]

@@ -3,13 +3,13 @@
 use super::finding::Findings;
 use super::rig::{Context, Rig};
 use super::stage;
+use crate::doctor::twin::bin::{TileGrid, tile_lists};
+use crate::doctor::twin::model::{TwinCamera, TwinSplat};
+use crate::doctor::twin::raster::ALPHA_MIN;
+use crate::doctor::twin::tolerance;
 use crate::error::Result;
 use crate::gpu::Commands;
 use crate::gpu::constants::{BLOCK_H, BLOCK_W, RIM, TILE_H, TILE_W, TOTAL_PAIRS};
-use crate::reference::bin::{TileGrid, tile_lists};
-use crate::reference::model::{TwinCamera, TwinSplat};
-use crate::reference::raster::ALPHA_MIN;
-use crate::reference::tolerance;
 use crate::render::Pass;
 
 /// A projected Gaussian as the GPU stores it: `u, v, depth, A, B, C, r, g, b, opacity`.

@@ -7,15 +7,15 @@ use super::rig::twin_of;
 use super::stage;
 use super::timing::{Clock, Timing};
 use crate::camera::{Camera, Frame};
+use crate::cloud::splat::splat_views;
 use crate::config::{Config, Kernel};
+use crate::doctor::twin::cases::Random;
+use crate::doctor::twin::field::{TwinPotentials, potentials};
+use crate::doctor::twin::splat::{filtered, nearest_points};
+use crate::doctor::twin::tolerance;
 use crate::error::Result;
 use crate::field::{Field, fibonacci_sphere};
-use crate::reference::cases::Random;
-use crate::reference::field::{TwinPotentials, potentials};
-use crate::reference::splat::{filtered, nearest_points};
-use crate::reference::tolerance;
 use crate::scene::PointCloud;
-use crate::splat::splat_views;
 
 /// Holds `U_info` and `U_conf` over the candidate grid for four training directions.
 pub fn examine_field(config: &Config) -> (Findings, Timing) {
@@ -76,7 +76,7 @@ pub fn examine_point_splat(config: &Config) -> Result<(Findings, Timing)> {
         confidence: None,
     };
     let camera = {
-        let any = super::rig::camera_of(&crate::reference::cases::cameras()[0]);
+        let any = super::rig::camera_of(&crate::doctor::twin::cases::cameras()[0]);
         any.resized(SPLAT_SIZE.0, SPLAT_SIZE.1)
     };
     let near = config.model.near;

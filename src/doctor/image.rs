@@ -3,11 +3,11 @@
 use super::finding::Findings;
 use super::rig::{Context, Rig, ViewGradients, wide};
 use super::stage;
+use crate::doctor::twin::linalg::{normalize, sub};
+use crate::doctor::twin::model::{SplatGradient, TwinCamera, TwinGaussians, TwinSplat};
+use crate::doctor::twin::{sh, tolerance};
 use crate::error::Result;
 use crate::gpu::Commands;
-use crate::reference::linalg::{normalize, sub};
-use crate::reference::model::{SplatGradient, TwinCamera, TwinGaussians, TwinSplat};
-use crate::reference::{sh, tolerance};
 use crate::render::Rendered;
 
 /// What a view is held against.

@@ -6,11 +6,11 @@ use super::finding::Findings;
 use super::rig::{Context, Rig, wide};
 use super::stage;
 use crate::camera::Camera;
+use crate::doctor::twin::cases::Random;
+use crate::doctor::twin::loss::loss;
+use crate::doctor::twin::tolerance;
 use crate::error::Result;
 use crate::gaussians::Gaussians;
-use crate::reference::cases::Random;
-use crate::reference::loss::loss;
-use crate::reference::tolerance;
 use crate::render::{LossUniform, ViewUniform};
 
 /// Share of SSIM in the loss.

@@ -1,5 +1,5 @@
 //! Whether this program computes on an adapter what it should: every kernel against the f64
-//! [`crate::reference`], how long each takes, and whether training repeats to the bit.
+//! [`crate::doctor::twin`], how long each takes, and whether training repeats to the bit.
 //!
 //! Each stage of a view works on what the stage before it left on the GPU, as in training, and is
 //! held to the reference's own result from the stored parameters on; sorts, sums and lists, which
@@ -20,6 +20,7 @@ pub mod loss;
 pub mod pose;
 pub mod stage;
 pub mod timing;
+pub mod twin;
 pub mod view;
 
 pub use adapter::{Adapter, Limit, STORAGE_BUFFERS, UNIFORM_BUFFERS, WORKGROUP_BYTES};

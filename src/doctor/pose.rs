@@ -3,10 +3,10 @@
 use super::finding::Findings;
 use super::rig::{Context, POISON, Rig};
 use super::stage;
+use crate::doctor::twin::model::{SplatGradient, TwinCamera, TwinGaussians};
+use crate::doctor::twin::pose::pose_gradient;
 use crate::error::Result;
 use crate::gpu::Commands;
-use crate::reference::model::{SplatGradient, TwinCamera, TwinGaussians};
-use crate::reference::pose::pose_gradient;
 use crate::render::PoseGradient;
 
 /// Holds turn and shift after a backward pass; `splats` are the reference's gradients.

@@ -5,12 +5,12 @@ use bytemuck::Pod;
 use glam::{DMat3, DVec3, Vec3};
 
 use crate::camera::Camera;
+use crate::doctor::twin::dropout::TwinDropout;
+use crate::doctor::twin::model::{TwinCamera, TwinGaussians};
 use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
 use crate::gpu::shader::{self, Sources};
 use crate::gpu::{Buffer, Commands, Gpu};
-use crate::reference::dropout::TwinDropout;
-use crate::reference::model::{TwinCamera, TwinGaussians};
 use crate::render::{
     Bound, Capacity, Kernels, LossUniform, Model, Pass, PoseKernels, Rendered, ViewUniform,
     Workspace, read_rendered, read_totals,

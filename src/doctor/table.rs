@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::{Adapter, Report, StageReport};
-use crate::report::Table;
+use crate::terminal::Table;
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

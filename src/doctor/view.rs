@@ -5,13 +5,13 @@ use super::forward::{self, ListLengths};
 use super::image::{self, Truth};
 use super::pose;
 use super::rig::{Context, Rig};
+use crate::doctor::twin::cases::{TwinCase, huge, layers, loss_weights, needles, random_scene};
+use crate::doctor::twin::dropout::{TwinDropout, TwinGuide};
+use crate::doctor::twin::model::{TwinCamera, TwinGaussians};
+use crate::doctor::twin::raster::{backward, render};
+use crate::doctor::twin::tolerance;
 use crate::error::Result;
 use crate::gpu::Commands;
-use crate::reference::cases::{TwinCase, huge, layers, loss_weights, needles, random_scene};
-use crate::reference::dropout::{TwinDropout, TwinGuide};
-use crate::reference::model::{TwinCamera, TwinGaussians};
-use crate::reference::raster::{backward, render};
-use crate::reference::tolerance;
 
 /// Largest errors that pass.
 #[derive(Clone, Copy, Debug)]

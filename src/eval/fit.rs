@@ -6,12 +6,12 @@ use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
 use crate::gpu::{Commands, Gpu};
-use crate::progress::Progress;
 use crate::render::{
     Bound, Capacity, Kernels, LossUniform, Model, Pass, PoseGradient, PoseKernels, ViewUniform,
     Workspace, first_pairs, read_totals,
 };
 use crate::scene::View;
+use crate::terminal::progress::Progress;
 use crate::train::{PoseAdam, TrainingView};
 
 /// Steps a view.

@@ -1,6 +1,7 @@
 //! The camera potential field: pseudo-focus, sphere, information and confidence potentials.
 
 mod focus;
+pub mod gaps;
 mod potential;
 
 pub use focus::Focus;

@@ -14,8 +14,9 @@ use rayon::prelude::*;
 
 use super::{Gaussians, MAX_SH_DEGREE, n_sh};
 use crate::camera::Frame;
-use crate::error::{Error, Result, read_file, write_file};
-use crate::ply::{read_header, scalar_bytes};
+use crate::error::{Error, Result};
+use crate::files::ply::{read_header, scalar_bytes};
+use crate::files::{read_file, write_file};
 
 /// Property names in the order of the layout.
 fn property_names(sh_degree: u32) -> Vec<String> {

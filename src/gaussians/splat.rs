@@ -7,7 +7,8 @@
 use std::path::Path;
 
 use super::Gaussians;
-use crate::error::{Result, write_file};
+use crate::error::Result;
+use crate::files::write_file;
 
 /// Writes all that is finite and visible, in the frame that it is in; returns their number.
 ///

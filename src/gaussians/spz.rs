@@ -12,7 +12,8 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 
 use super::Gaussians;
-use crate::error::{Error, Result, write_file};
+use crate::error::{Error, Result};
+use crate::files::write_file;
 
 const MAGIC: u32 = 0x5053_474e;
 const VERSION: u32 = 2;

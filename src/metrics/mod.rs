@@ -7,10 +7,15 @@
 
 pub mod lpips;
 mod psnr;
+mod scores;
 mod ssim;
 
 pub use lpips::Lpips;
 pub use psnr::{masked_psnr, psnr};
+pub use scores::{
+    CoveredScore, LpipsRecord, MaskedMean, MaskedScore, Mean, PointSplatScore, Renders, ViewScore,
+    mean,
+};
 pub use ssim::{masked_ssim, ssim};
 
 use crate::error::{Error, Result};

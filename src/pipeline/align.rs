@@ -1,7 +1,7 @@
 //! Brings a scene's test cameras into the frame of a run's model.
 
+use crate::camera::json::read_cameras;
 use crate::camera::{Camera, Frame, Similarity};
-use crate::cameras_json::read_cameras;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::eval::{Alignment, fit_poses};

@@ -5,11 +5,11 @@ use serde::Serialize;
 
 use super::prepare::{carved, choose_views};
 use super::{cameras, focus_of};
-use crate::compass::Compass;
+use crate::camera::compass::Compass;
 use crate::config::Config;
 use crate::error::{Error, Result};
+use crate::field::gaps::{Gaps, uncovered};
 use crate::field::{Field, Focus, angle};
-use crate::gaps::{Gaps, uncovered};
 use crate::report::plot::{MapMark, SphereMap};
 use crate::scene::Scene;
 

@@ -1,14 +1,10 @@
 //! What a training run is asked for.
 
-use std::path::Path;
-
-use super::{Clock, load_scene, train};
+use super::load_scene;
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::eval::EvalOptions;
-use crate::gpu::Gpu;
-use crate::run::{Evaluation, RunDir, SceneRecord, Seconds, Stop};
-use crate::scene::{CloudSource, LoadOptions, Scene, SceneSource};
+use crate::run::SceneRecord;
+use crate::scene::{CloudSource, LoadOptions, Scene, SceneSource, View};
 
 /// A single training view has no pseudo-focus to put virtual views around.
 const MIN_TRAIN_VIEWS: usize = 2;
@@ -96,73 +92,6 @@ impl TrainJob {
         }
         Ok(scene)
     }
-
-    /// Loads, trains and evaluates into the run directory `out`; a run that is there is replaced
-    /// with `overwrite` and refused without.
-    ///
-    /// # Errors
-    /// Anything that fails on the way. Nothing is written before the scene is loaded.
-    pub fn run(
-        &self,
-        out: &Path,
-        overwrite: bool,
-        options: &EvalOptions,
-    ) -> Result<(RunDir, Evaluation)> {
-        let (mut clock, mut seconds) = (Clock::start(), Seconds::default());
-        RunDir::check(out, overwrite)?;
-        // Before anything takes time or is written: a machine without an adapter is told at once,
-        // and the same command works once it has one.
-        let gpu = open_gpu()?;
-        seconds.open = Some(clock.lap());
-        let scene = announced(self.load()?);
-        seconds.load = Some(clock.lap());
-        options.check(&scene.test)?;
-        let run = RunDir::create(out, &self.config, overwrite)?;
-        let stop = Stop::on_signals()?;
-        let so_far = (clock, seconds);
-        let evaluation = train(&gpu, &scene, self, so_far, options, &run, &stop)?;
-        Ok((run, evaluation))
-    }
-
-    /// Goes on with the run in `root` where it was stopped, measures it as `options` say;
-    /// `checkpoint_every` replaces what it was started with, and `profile` asks for `profile.json`.
-    ///
-    /// # Errors
-    /// No run, another process at work on it, a scene or config that is not what it was, and
-    /// anything that fails on the way.
-    pub fn resume(
-        root: &Path,
-        (checkpoint_every, profile): (Option<u32>, bool),
-        options: &EvalOptions,
-    ) -> Result<Resumed> {
-        let (mut clock, mut seconds) = (Clock::start(), Seconds::default());
-        let run = RunDir::claim(root)?;
-        if run.is_finished() {
-            run.checkpoints().clear()?;
-            return Ok(Resumed {
-                run,
-                evaluation: None,
-            });
-        }
-        let record = run.job()?;
-        let gpu = open_gpu()?;
-        seconds.open = Some(clock.lap());
-        let job = TrainJob {
-            eval_every: record.eval_every,
-            checkpoint_every: checkpoint_every.or(record.checkpoint_every),
-            profile,
-            ..Self::recorded(&record.scene, run.config()?)?
-        };
-        let scene = announced(job.load_again()?);
-        seconds.load = Some(clock.lap());
-        let stop = Stop::on_signals()?;
-        let so_far = (clock, seconds);
-        let evaluation = train(&gpu, &scene, &job, so_far, options, &run, &stop)?;
-        Ok(Resumed {
-            run,
-            evaluation: Some(evaluation),
-        })
-    }
 }
 
 /// The cloud that is not the scene's own.
@@ -170,24 +99,17 @@ pub(super) fn cloud_of(record: &SceneRecord) -> Result<Option<CloudSource>> {
     record.cloud.as_deref().map(str::parse).transpose()
 }
 
-/// What [`TrainJob::resume`] did.
-pub struct Resumed {
-    pub run: RunDir,
-    /// None where the run was finished already.
-    pub evaluation: Option<Evaluation>,
-}
-
-fn open_gpu() -> Result<Gpu> {
-    let gpu = Gpu::open()?;
-    log::info!("adapter: {}", gpu.describe());
-    Ok(gpu)
-}
-
-/// Says what was taken of a scene and what is wrong with it.
-fn announced(scene: Scene) -> Scene {
-    log::info!("scene: {}", scene.source);
-    for warning in &scene.warnings {
-        log::warn!("{warning}");
+/// The scene before it is carved.
+pub(super) fn record(scene: &Scene, job: &TrainJob) -> SceneRecord {
+    let names = |views: &[View]| views.iter().map(|view| view.camera.name.clone()).collect();
+    SceneRecord {
+        source: job.source.to_string(),
+        cloud: job.cloud.as_ref().map(ToString::to_string),
+        name: scene.name.clone(),
+        train_views: names(&scene.train),
+        test_views: names(&scene.test),
+        n_points: scene.cloud.len(),
+        carved_points: None,
+        pose_protocol: scene.pose_protocol,
     }
-    scene
 }

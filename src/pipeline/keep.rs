@@ -91,9 +91,9 @@ fn refuse(what: &str, differing: &[String]) -> Result<()> {
 
 /// What a checkpoint holds beside the buffers.
 #[derive(Serialize, Deserialize)]
-struct Header<I = Identity> {
+struct Header<I = Identity, S = State> {
     identity: I,
-    state: State,
+    state: S,
     log: Log,
 }
 
@@ -183,19 +183,20 @@ impl<'a> Keeper<'a> {
 
     /// # Errors
     /// A checkpoint that cannot be written, a GPU fault, or a stop that was asked for.
-    pub(super) fn keep(&mut self, trainer: &Trainer<'_>, log: &mut Log) -> Result<()> {
+    pub(super) fn keep(
+        &mut self,
+        state: &State,
+        buffers: impl Iterator<Item = Result<Vec<u8>>>,
+        log: &mut Log,
+    ) -> Result<()> {
         let start = Instant::now();
-        let state = trainer.state();
         let done = state.done;
         let header = Header {
             identity: &self.identity,
             state,
             log: log.clone(),
         };
-        let saved = self
-            .run
-            .checkpoints()
-            .save(done, &header, trainer.buffers());
+        let saved = self.run.checkpoints().save(done, &header, buffers);
         saved.map_err(|e| e.or_way_out(self.way_back()))?;
         self.last = Instant::now();
         self.cost = self.last - start;

@@ -7,21 +7,24 @@ mod evaluate;
 mod field;
 mod job;
 mod keep;
+mod measure;
 mod memory;
 mod orbit;
 mod prepare;
 mod profile;
 mod render;
+mod start;
 mod train;
 mod watch;
 
 pub use dry_run::{DryRun, dry_run};
 pub use evaluate::{compare, evaluate, evaluation_at_hand};
 pub use field::{Advice, FieldMaps, FieldReport, Place, Uncovered, field};
-pub use job::{Resumed, TrainJob};
+pub use job::TrainJob;
 pub use memory::Forecast;
 pub use prepare::{Prepared, n_start, prepare};
 pub use render::render;
+pub use start::Resumed;
 pub use train::train;
 
 use std::path::PathBuf;

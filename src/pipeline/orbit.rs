@@ -1,7 +1,7 @@
 //! A full turn around the focus.
 
 use crate::camera::Camera;
-use crate::compass::Compass;
+use crate::camera::compass::Compass;
 use crate::error::{Error, Result};
 use crate::field::Focus;
 

@@ -6,18 +6,18 @@ use rayon::prelude::*;
 
 use super::{Clock, cameras, focus_of};
 use crate::camera::{Camera, Frame};
-use crate::carve::{Carved, carve};
+use crate::cloud::carve::{Carved, carve};
+use crate::cloud::splat::{SplatImage, fill_holes, splat_where};
+use crate::cloud::visibility::{Visibility, candidate_shares};
 use crate::config::{Config, VisibilityConfig};
 use crate::error::Result;
 use crate::field::{Coverage, Field, Focus, fibonacci_sphere};
 use crate::gaussians::Gaussians;
-use crate::progress::Progress;
 use crate::run::Seconds;
 use crate::scene::{Image, PointCloud, Scene, View, thin};
-use crate::splat::{SplatImage, fill_holes, splat_where};
+use crate::terminal::progress::Progress;
 use crate::train::{Goal, Shell, Supervision, TrainingView};
 use crate::views::{VirtualView, candidates, virtual_views};
-use crate::visibility::{Visibility, candidate_shares};
 
 /// Most portions that splatting is done in: each goes through all points once to place them.
 const N_PORTIONS: usize = 16;

@@ -7,19 +7,20 @@ use glam::DVec3;
 use super::depth::depth;
 use super::orbit::orbit;
 use super::{CameraSource, RenderFormat, RenderJob, ViewSelection, cameras, focus_of, load_scene};
+use crate::camera::json::read_cameras;
 use crate::camera::{Camera, Frame};
-use crate::cameras_json::read_cameras;
 use crate::config::{Config, PRESETS};
-use crate::error::{Error, Result, create_dir};
+use crate::error::{Error, Result};
 use crate::field::{Field, Focus};
+use crate::files::create_dir;
 use crate::gaussians::ply::read_ply;
 use crate::gpu::Gpu;
 use crate::metrics::quantize;
-use crate::progress::Progress;
 use crate::render::{Kernels, Model, Rendered, Renderer, ViewUniform};
 use crate::report::{write_animation, write_exr, write_grey_png, write_png};
 use crate::run::{RunDir, file_names};
 use crate::scene::{LoadOptions, PointCloud};
+use crate::terminal::progress::Progress;
 use crate::views::virtual_views;
 
 /// Names of views that an error lists: a line of hundreds helps nobody.

@@ -2,26 +2,27 @@
 
 use std::time::Instant;
 
-use super::evaluate::{Clouds, Seen};
+use super::job::record;
 use super::keep::{Identity, Keeper, Log};
+use super::measure::{Clouds, Seen, measure};
 use super::profile::Sampler;
 use super::watch::{Curve, Watch, curve_point};
-use super::{Clock, Forecast, Prepared, TrainJob, cameras, evaluate, prepare};
+use super::{Clock, Forecast, Prepared, TrainJob, cameras, prepare};
 use crate::camera::Camera;
-use crate::cameras_json::write_cameras;
+use crate::camera::json::write_cameras;
 use crate::config::Config;
 use crate::error::{Error, ErrorKind, Result};
 use crate::eval::EvalOptions;
 use crate::gaussians::ply::write_ply;
 use crate::gpu::Gpu;
-use crate::progress::Progress;
 use crate::render::{Kernels, Renderer, most_gaussians};
 use crate::report::{ContactSheet, mask_image, write_png, write_run_page};
 use crate::run::{
     Evaluation, JobRecord, Memory, Metrics, ModelSize, PoseChange, RunDir, RunProfile, SceneRecord,
     Seconds, StepProfile, Stop, peak_host_bytes,
 };
-use crate::scene::{Image, PointCloud, Scene, View};
+use crate::scene::{Image, PointCloud, Scene};
+use crate::terminal::progress::Progress;
 use crate::train::{PlanRecord, Trained, Trainer, TrainingView};
 
 /// Trains on `scene`, which is `job`'s, evaluates at its test views as `options` say and writes all
@@ -149,8 +150,7 @@ impl Task<'_> {
             used: self.cloud(),
         };
         let what = (*run, self.options, self.stamp.clone(), scene.pose_protocol);
-        let evaluation =
-            evaluate::measure(device, (own, clouds), None, config, what, seconds.train)?;
+        let evaluation = measure(device, (own, clouds), None, config, what, seconds.train)?;
         seconds.eval = Some(clock.lap() + log.curve_s);
         let mut curve = log.curve;
         if job.eval_every.is_some() {
@@ -294,21 +294,6 @@ fn all_cameras(scene: &Scene, train: Vec<Camera>, virtual_cameras: &[Camera]) ->
     let mut test = cameras(&scene.test);
     test.retain(is_new);
     [&train, &test, virtual_cameras].concat()
-}
-
-/// The scene before it is carved.
-fn record(scene: &Scene, job: &TrainJob) -> SceneRecord {
-    let names = |views: &[View]| views.iter().map(|view| view.camera.name.clone()).collect();
-    SceneRecord {
-        source: job.source.to_string(),
-        cloud: job.cloud.as_ref().map(ToString::to_string),
-        name: scene.name.clone(),
-        train_views: names(&scene.train),
-        test_views: names(&scene.test),
-        n_points: scene.cloud.len(),
-        carved_points: None,
-        pose_protocol: scene.pose_protocol,
-    }
 }
 
 /// How many of `n_points` each round took.

@@ -9,11 +9,13 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::eval::{self, EvalOptions};
 use crate::gpu::{Gpu, Profile};
-use crate::progress::Progress;
 use crate::render::{Model, Renderer};
-use crate::run::{CurvePoint, Evaluation, LossSample};
+use crate::run::{CurvePoint, Evaluation};
 use crate::scene::View;
-use crate::train::{Observer, Trainer};
+use crate::terminal::progress::Progress;
+use crate::train::LossSample;
+use crate::train::Observer;
+use crate::train::State;
 
 /// Shows the training's progress, keeps its state, and measures on the way where a curve is asked
 /// for.
@@ -112,8 +114,12 @@ impl Observer for Watch<'_> {
         self.keeper.is_due(done)
     }
 
-    fn keep(&mut self, trainer: &Trainer<'_>) -> Result<()> {
+    fn keep(
+        &mut self,
+        state: &State,
+        buffers: &mut dyn Iterator<Item = Result<Vec<u8>>>,
+    ) -> Result<()> {
         self.log.train_s = self.train_s();
-        self.keeper.keep(trainer, &mut self.log)
+        self.keeper.keep(state, buffers, &mut self.log)
     }
 }

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use png::{BitDepth, ColorType, Encoder, EncodingError};
 
-use crate::error::{Error, Result, write_file};
+use crate::error::{Error, Result};
+use crate::files::write_file;
 use crate::scene::Image;
 
 /// Shown for a 24th of a second each.

@@ -1,8 +1,9 @@
 //! One run's errors, view by view.
 
-use super::table::{Table, escaped, figure};
 use crate::metrics::lpips::WEIGHTS_RECIPE;
-use crate::run::{CoveredScore, Evaluation, Measured, Renders};
+use crate::metrics::{CoveredScore, Renders};
+use crate::run::{Evaluation, Measured};
+use crate::terminal::table::{Table, escaped, figure};
 
 /// A run's errors per test view and, in the last row, in the mean.
 pub fn view_table(evaluation: &Evaluation) -> Table {

@@ -6,7 +6,8 @@ use serde_json::{Value, json};
 use super::comparison::ComparedRun;
 use crate::error::{Error, Result};
 use crate::metrics::lpips::{InputRange, Net};
-use crate::run::{PoseProtocol, Renders, ViewScore};
+use crate::metrics::{Renders, ViewScore};
+use crate::scene::PoseProtocol;
 
 /// A run, flat: one line of the CSV. What was not measured is null, or empty.
 #[derive(Serialize)]

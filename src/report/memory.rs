@@ -1,6 +1,6 @@
 //! What a run will need, by part.
 
-use super::table::Table;
+use crate::terminal::table::Table;
 use crate::train::TrainingBytes;
 
 /// GPU buffers of training, in Markdown.

@@ -1,7 +1,7 @@
 //! Where a run's time went.
 
-use super::table::{Table, figure};
 use crate::run::{RunProfile, Seconds, StepProfile};
+use crate::terminal::table::{Table, figure};
 
 /// Both tables of a run's profile, in Markdown.
 pub fn profile_tables(profile: &RunProfile) -> String {

@@ -20,7 +20,8 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::remove;
-use crate::error::{Error, PART, Result, read_file, write_parts};
+use crate::error::{Error, Result};
+use crate::files::{PART, read_file, write_parts};
 
 const MAGIC: &[u8; 8] = b"gspckpt\0";
 /// Rises when a file's layout or what the payload holds changes.

@@ -5,6 +5,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::scene::PoseProtocol;
+use crate::train::{LossSample, PlanCounts};
 
 /// What a training run did: `metrics.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -137,25 +138,6 @@ pub struct Memory {
     pub gpu_peak_bytes: Option<u64>,
 }
 
-/// The losses of one iteration; means over all pixels, of a virtual view over its valid ones.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct LossSample {
-    /// Number of finished iterations.
-    pub iteration: u32,
-    /// `L_real + alpha_k L_virt`.
-    pub loss: f64,
-    pub real: ImageLoss,
-    /// Of the iteration's virtual view, before its weight; null without virtual views.
-    pub virt: Option<ImageLoss>,
-}
-
-/// The parts of an image loss.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ImageLoss {
-    pub l1: f64,
-    pub ssim: f64,
-}
-
 /// Number of Gaussians after an iteration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModelSize {
@@ -163,16 +145,6 @@ pub struct ModelSize {
     pub n_gaussians: usize,
     /// What changed it; null for the start.
     pub plan: Option<PlanCounts>,
-}
-
-/// How many Gaussians a densification or pruning step touched, by reason.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct PlanCounts {
-    pub cloned: usize,
-    pub split: usize,
-    pub pruned_opacity: usize,
-    pub pruned_size: usize,
-    pub pruned_anisotropy: usize,
 }
 
 /// Peak resident set of this process in bytes, where the system tells (Linux).

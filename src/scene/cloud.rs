@@ -10,7 +10,8 @@ use super::PointCloud;
 use super::formats::{read_points_binary, read_points_text};
 use super::ply::read_ply;
 use crate::camera::Camera;
-use crate::error::{Error, Result, read_file};
+use crate::error::{Error, Result};
+use crate::files::read_file;
 
 /// Points within this share of the cameras' extent of a camera centre count as at it.
 const CENTER_TOLERANCE: f64 = 1e-6;

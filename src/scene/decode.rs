@@ -10,7 +10,8 @@ use super::masks::{Levels, Masks};
 use super::undistort::Undistortion;
 use super::{Image, LoadOptions, View};
 use crate::camera::{Camera, bounded_size};
-use crate::error::{Error, Result, read_file};
+use crate::error::{Error, Result};
+use crate::files::read_file;
 
 /// A view, and the size that its camera had been given if the photograph has another one.
 pub(super) struct Decoded {

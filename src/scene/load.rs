@@ -5,7 +5,6 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::builtin::{self, BuiltinOptions};
-use super::bytes::read_regular;
 use super::cloud::{clean, random_like, read_cloud};
 use super::cut_out::keep_within_masks;
 use super::decode::{Decoded, decode};
@@ -13,12 +12,13 @@ use super::formats::{self, confidence_of};
 use super::images::{PosedImage, match_images};
 use super::layout::PosedCamera;
 use super::masks::Masks;
-use super::npy::read_vector;
 use super::protocol::PoseProtocol;
 use super::split::{choose, regroup};
 use super::{CloudSource, LoadOptions, PointCloud, Scene, View};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
+use crate::files::bytes::read_regular;
+use crate::files::npy::read_vector;
 
 /// Loads the scene in the folder `dir`: poses, intrinsics and cloud in the format that is found
 /// there, the split, and the photographs of the training and test views, scaled as asked.

@@ -11,7 +11,8 @@ use super::image_file::{decoded, open_image, same_aspect};
 use super::images::stem;
 use super::{Mask, Outside};
 use crate::config::OutsideMask;
-use crate::error::{Error, Result, read_file};
+use crate::error::{Error, Result};
+use crate::files::read_file;
 
 /// From this level on a pixel is set.
 const THRESHOLD: u8 = 128;

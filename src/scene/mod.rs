@@ -1,7 +1,6 @@
 //! Scenes: posed photographs and a point cloud, from disk or built in.
 
 pub mod builtin;
-mod bytes;
 mod cloud;
 mod cut_out;
 mod decode;
@@ -12,7 +11,6 @@ mod layout;
 mod lens;
 mod load;
 mod masks;
-mod npy;
 mod ply;
 mod protocol;
 mod source;

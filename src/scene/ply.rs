@@ -13,7 +13,7 @@ use ply_rs::ply::{
 
 use super::PointCloud;
 use crate::error::{Error, Result};
-use crate::ply::{one_line, read_header, scalar_bytes};
+use crate::files::ply::{one_line, read_header, scalar_bytes};
 
 /// Float colours may leave `[0, 1]` by this much, for rounding.
 const COLOR_SLACK: f64 = 1e-3;

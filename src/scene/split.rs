@@ -5,11 +5,11 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::bytes::read_regular;
 use super::images::Matched;
 use super::layout::NamedSplit;
 use super::{LoadOptions, Scene, View};
 use crate::error::{Error, Result};
+use crate::files::bytes::read_regular;
 
 /// Indices of the views, in the order of the list or the protocol that chose them.
 #[derive(Debug)]

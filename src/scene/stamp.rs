@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::UNIX_EPOCH;
 
 use super::{CloudSource, SceneSource};
-use crate::digest::sha256;
+use crate::files::digest::sha256;
 
 impl SceneSource {
     /// Names the state of the scene's files, and of the cloud's where it is not the scene's own:

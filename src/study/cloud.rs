@@ -9,8 +9,8 @@ use super::{Picture, Report, Study};
 use crate::error::Result;
 use crate::pipeline::{TrainJob, n_start};
 use crate::report::plot::{Axis, Plot, Point, Style};
+use crate::report::stats::Figure;
 use crate::scene::{CloudSource, SceneSource, other_clouds};
-use crate::stats::Figure;
 
 const PRESETS: [&str; 2] = ["3dgs", "paper"];
 

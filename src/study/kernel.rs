@@ -11,7 +11,7 @@ use crate::config::{FieldConfig, Kernel};
 use crate::error::Result;
 use crate::eval::EvalOptions;
 use crate::gpu::Gpu;
-use crate::stats::Figure;
+use crate::report::stats::Figure;
 
 /// The paper's three, by kernel and concentration.
 const KERNELS: [(&str, Kernel, f64); 3] = [

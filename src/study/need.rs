@@ -6,7 +6,7 @@ use super::runs::{Finished, Results, Scope};
 use super::table::{Cell, Column, DataTable};
 use super::viewpoints::{Setting, measure};
 use super::{Picture, Report, Study};
-use crate::cameras_json::read_cameras;
+use crate::camera::json::read_cameras;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::pipeline::n_start;

@@ -7,7 +7,8 @@ use serde_json::json;
 use super::plan::{Base, Options};
 use super::runs::Results;
 use super::{Report, StudyName};
-use crate::error::{Error, Result, create_dir, write_file};
+use crate::error::{Error, Result};
+use crate::files::{create_dir, write_file};
 
 /// Writes `STUDY.md`, `STUDY.json`, a CSV file a table and an SVG file a picture; returns the
 /// Markdown.

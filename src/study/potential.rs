@@ -8,11 +8,11 @@ use super::runs::{Finished, Results};
 use super::table::{Column, DataTable};
 use super::viewpoints::{Setting, cameras, correlations, scatter};
 use super::{Picture, Report, Study, file_name};
-use crate::cameras_json::read_cameras;
-use crate::compass::Compass;
+use crate::camera::compass::Compass;
+use crate::camera::json::read_cameras;
+use crate::cloud::splat::splat_views;
 use crate::error::Result;
 use crate::report::plot::{MapMark, SphereMap};
-use crate::splat::splat_views;
 
 const PRESETS: [&str; 3] = ["3dgs", "paper", "gspotential"];
 

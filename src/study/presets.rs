@@ -10,8 +10,8 @@ use super::{Picture, Report, Study, file_name};
 use crate::error::Result;
 use crate::pipeline::TrainJob;
 use crate::report::plot::{Axis, Plot, Point, Style};
+use crate::report::stats::Figure;
 use crate::run::CurvePoint;
-use crate::stats::Figure;
 
 /// The baseline first: gains are over it.
 const PRESETS: [&str; 7] = [

@@ -3,7 +3,7 @@
 use super::runs::{Finished, Results, Scope};
 use super::table::{Cell, Column};
 use crate::report::plot::Point;
-use crate::stats::Figure;
+use crate::report::stats::Figure;
 
 pub const SCENE: Column = Column::text("scene", "scene");
 pub const PSNR: Column = Column::figure("psnr", "PSNR dB", 2);

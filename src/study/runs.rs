@@ -6,8 +6,8 @@ use super::plan::{Options, Variant};
 use crate::error::{Error, ErrorKind, Result};
 use crate::eval::EvalOptions;
 use crate::pipeline::{self, TrainJob};
+use crate::report::stats::Figure;
 use crate::run::{Evaluation, Metrics, RunDir, SceneRecord};
-use crate::stats::Figure;
 
 /// A run to have.
 pub struct Planned {

@@ -3,8 +3,8 @@
 use serde_json::{Map, Value, json};
 
 use crate::error::{Error, Result};
-use crate::report::Table;
-use crate::stats::Figure;
+use crate::report::stats::Figure;
+use crate::terminal::Table;
 
 /// A column: its name in files, its heading on paper.
 #[derive(Clone, Copy, Debug)]

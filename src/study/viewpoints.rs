@@ -13,10 +13,10 @@ use crate::gpu::Gpu;
 use crate::pipeline::{TrainJob, focus_of};
 use crate::render::Kernels;
 use crate::report::plot::{Axis, Plot, Point, Style};
+use crate::report::stats::{Figure, partial_spearman, spearman};
 use crate::run::Evaluation;
 use crate::scene::builtin::{self, surface_distance};
 use crate::scene::{Scene, SceneSource, View};
-use crate::stats::{Figure, partial_spearman, spearman};
 use crate::views::candidates;
 
 /// Directions tried on the sphere; those below the floor or in an object fall out.

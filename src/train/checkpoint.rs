@@ -7,45 +7,14 @@
 
 use std::collections::BTreeMap;
 
-use serde::{Deserialize, Serialize};
-
-use super::guide::Guide;
-use super::observer::PlanRecord;
 use super::optimizer::Optimizer;
-use super::refine::RefinedPose;
+use super::state::State;
 use super::supervision::{Supervision, TrainingView};
 use super::trainer::Trainer;
 use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
 use crate::gpu::PORTION;
-use crate::render::{BLOCK_PLANES, Model, most_gaussians, n_blocks};
-use crate::run::LossSample;
-
-/// A state but for the optimizer's buffers, which are large.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct State {
-    /// Number of finished iterations.
-    pub done: u32,
-    pub n_gaussians: usize,
-    /// Entries a plane of the buffers.
-    pub stride: usize,
-    pub sh_degree: u32,
-    pub samples: Vec<LossSample>,
-    pub plans: Vec<PlanRecord>,
-    /// Of the training cameras, where they are refined.
-    pub poses: Option<Vec<RefinedPose>>,
-    /// Of the views, where dropout is guided.
-    pub guides: Vec<Guide>,
-}
-
-impl State {
-    /// `vec4f`s of each buffer: the blocks of the parameters, of both moments, the statistics.
-    fn buffer_lens(&self) -> Vec<usize> {
-        let planes = &BLOCK_PLANES[..n_blocks(self.sh_degree)];
-        let planes = [planes, planes, planes, &[1]].concat();
-        planes.iter().map(|planes| planes * self.stride).collect()
-    }
-}
+use crate::render::{Model, most_gaussians};
 
 impl Trainer<'_> {
     /// The state now.

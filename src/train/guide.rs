@@ -14,16 +14,13 @@
 //! tertiles of `d`; new Gaussians have their parent's `rho`.
 
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::trainer::Trainer;
-use crate::error::Result;
 use crate::gaussians::mean_over_nearest;
 use crate::render::ViewUniform;
 
 /// Iterations between two looks at the Gaussians.
-const INTERVAL: u32 = 500;
+pub(super) const INTERVAL: u32 = 500;
 
 const N_NEIGHBORS: usize = 6;
 
@@ -74,50 +71,4 @@ pub fn density_scores(means: &[Vec3]) -> Vec<f32> {
     let span = (most - least).max(MIN_SPAN);
     let score = |s: &f64| ((most - s) / span) as f32;
     spacings.iter().map(score).collect()
-}
-
-impl Trainer<'_> {
-    /// Looks at the Gaussians where the dropout is guided and it is time, before iteration
-    /// `iteration` (from 0).
-    pub(super) fn guide(&mut self, iteration: u32) -> Result<()> {
-        if !(self.config.dropout.is_guided() && iteration.is_multiple_of(INTERVAL)) {
-            return Ok(());
-        }
-        let means = self.optimizer.model.means(self.gpu)?;
-        // Those of the far shell are no part of the scene.
-        let frozen_beyond = self.supervision.frozen_beyond();
-        let scene = |mean: &&Vec3| mean.length() <= frozen_beyond;
-        let scene: Vec<Vec3> = means.iter().filter(scene).copied().collect();
-        let mut scores = density_scores(&scene).into_iter();
-        let score = |mean: &Vec3| {
-            let own = (mean.length() <= frozen_beyond).then(|| scores.next());
-            own.flatten().unwrap_or(0.0)
-        };
-        let scores: Vec<f32> = means.iter().map(score).collect();
-        self.optimizer.model.set_densities(self.gpu, &scores)?;
-        let views = self.real.par_iter().chain(&self.virtual_views);
-        let guide = |view: &ViewUniform| {
-            let [x, y, z, _] = view.center_near.map(f64::from);
-            Guide::of(DVec3::new(x, y, z), &scene)
-        };
-        self.guides = views.filter_map(guide).collect();
-        Ok(())
-    }
-
-    /// View `k` of all, the real ones first, with the dropout of an iteration.
-    pub(super) fn dropped_out(
-        &self,
-        view: ViewUniform,
-        k: usize,
-        (rate, key): (f64, u32),
-    ) -> ViewUniform {
-        let view = view.with_dropout(rate, key);
-        match self.guides.get(k) {
-            Some(guide) => {
-                let config = &self.config.dropout;
-                guide.applied([config.depth_weight, config.density_weight], view)
-            }
-            None => view,
-        }
-    }
 }

@@ -1,6 +1,6 @@
 //! What training's buffers will take, before there are any.
 
-use super::optimizer::{plan_bytes, statistics_bytes};
+use super::optimizer::{plan_bytes, statistics_bytes, with_room};
 use super::supervision::{Supervision, TrainingView};
 use crate::config::Config;
 use crate::gpu::{Buffer, Gpu};
@@ -124,10 +124,4 @@ pub(super) fn start_capacity(
 pub(super) fn uniform(view: &TrainingView, config: &Config) -> ViewUniform {
     let model = &config.model;
     ViewUniform::new(&view.camera, model.near, model.background)
-}
-
-/// Entries a plane for `n` Gaussians and some that will come, so that buffers need not follow
-/// every plan.
-pub(super) fn with_room(n: usize, most: usize) -> usize {
-    (n + n / 4).min(most).max(n)
 }

@@ -8,6 +8,7 @@
 //! refined, and [`guide`] chooses whom dropout leaves out.
 
 pub mod checkpoint;
+mod dropout;
 mod goal;
 pub mod guide;
 pub mod memory;
@@ -15,18 +16,23 @@ pub mod observer;
 pub mod optimizer;
 pub mod policy;
 pub mod pose_adam;
+mod poses;
+mod record;
 mod refine;
 pub mod schedule;
 pub mod shell;
+mod state;
 pub mod supervision;
 pub mod trainer;
 
-pub use checkpoint::{State, fingerprint};
+pub use checkpoint::fingerprint;
 pub use goal::Goal;
 pub use memory::TrainingBytes;
-pub use observer::{Observer, PlanRecord, Trained};
+pub use observer::Observer;
 pub use pose_adam::PoseAdam;
+pub use record::{ImageLoss, LossSample, PlanCounts, PlanRecord, Trained};
 pub use refine::{RefinedPose, pose_rates};
 pub use shell::Shell;
+pub use state::State;
 pub use supervision::{Supervision, TrainingView};
 pub use trainer::{Trainer, TrainerSeconds, train};

@@ -1,14 +1,10 @@
-//! What a training tells as it goes, and what it leaves.
+//! What a training run tells as it goes.
 
-use serde::{Deserialize, Serialize};
-
-use super::trainer::Trainer;
-use crate::camera::Camera;
+use super::record::LossSample;
+use super::state::State;
 use crate::error::Result;
-use crate::gaussians::Gaussians;
 use crate::gpu::{Gpu, Profile};
 use crate::render::Model;
-use crate::run::{LossSample, PlanCounts};
 
 /// Told of the training as it goes; nothing that it does changes what is trained.
 pub trait Observer {
@@ -53,11 +49,16 @@ pub trait Observer {
         false
     }
 
-    /// Shown the run between two iterations.
+    /// Shows the run between two iterations: its state, and the optimizer's buffers as bytes in a
+    /// row, each portion read from the GPU when it is asked for.
     ///
     /// # Errors
     /// End the training.
-    fn keep(&mut self, _trainer: &Trainer<'_>) -> Result<()> {
+    fn keep(
+        &mut self,
+        _state: &State,
+        _buffers: &mut dyn Iterator<Item = Result<Vec<u8>>>,
+    ) -> Result<()> {
         Ok(())
     }
 }
@@ -65,24 +66,4 @@ pub trait Observer {
 /// Nobody is told.
 impl Observer for () {
     fn look(&mut self, _: &LossSample, _: usize) {}
-}
-
-/// A change of the set of Gaussians.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct PlanRecord {
-    /// Number of finished iterations.
-    pub iteration: u32,
-    /// Gaussians after it.
-    pub n_gaussians: usize,
-    pub counts: PlanCounts,
-}
-
-/// What a training run leaves.
-pub struct Trained {
-    /// Canonical frame.
-    pub gaussians: Gaussians,
-    /// The training cameras, refined where the config asks for it; canonical frame.
-    pub cameras: Vec<Camera>,
-    pub samples: Vec<LossSample>,
-    pub plans: Vec<PlanRecord>,
 }

@@ -2,7 +2,6 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::memory::with_room;
 use super::policy::{Gathered, Plan};
 use super::schedule;
 use crate::config::Config;
@@ -117,6 +116,12 @@ pub(super) fn statistics_bytes(stride: usize) -> u64 {
 /// Bytes that [`Optimizer::rearrange`] takes beside the new set of one model.
 pub(super) fn plan_bytes(n: usize) -> u64 {
     Buffer::storage_bytes::<u32>(n) + Buffer::storage_bytes::<[f32; 4]>(n)
+}
+
+/// Entries a plane for `n` Gaussians and some that will come, so that buffers need not follow
+/// every plan.
+pub(super) fn with_room(n: usize, most: usize) -> usize {
+    (n + n / 4).min(most).max(n)
 }
 
 /// The parameters in training, with what Adam and the densification remember of them.

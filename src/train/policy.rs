@@ -7,11 +7,11 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
+use super::record::PlanCounts;
 use super::schedule;
 use crate::config::Config;
 use crate::field::Coverage;
 use crate::gpu::shader_count;
-use crate::run::PlanCounts;
 
 /// Random stream of the split positions, apart from those of other consumers of the seed.
 const STREAM: u64 = 0x7370_6c69_7400_0000;

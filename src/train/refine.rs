@@ -11,12 +11,11 @@ use serde::{Deserialize, Serialize};
 
 use super::pose_adam::PoseAdam;
 use super::supervision::TrainingView;
-use super::trainer::Trainer;
 use crate::camera::Camera;
 use crate::config::PosesConfig;
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::render::{Model, PoseGradient, PoseKernels, ViewUniform, Workspace, read_totals};
+use crate::render::{Model, PoseGradient, PoseKernels, Workspace};
 
 /// The training cameras on their way.
 pub(super) struct Refinement {
@@ -101,53 +100,6 @@ impl RefinedPose {
             rotation: glam::DMat3::from_cols_array(&self.rotation),
             translation: glam::DVec3::from_array(self.translation),
             ..view.camera.clone()
-        }
-    }
-}
-
-impl Trainer<'_> {
-    /// Moves the real view's camera by what the step just submitted has found, where poses are
-    /// refined.
-    pub(super) fn refine(&mut self, iteration: u32, real: usize) -> Result<()> {
-        let config = self.config;
-        let rates = pose_rates(&config.poses, iteration, config.iterations);
-        let Some(refinement) = &mut self.refinement else {
-            return Ok(());
-        };
-        // A step whose pairs did not fit has no gradient; it is taken again.
-        if read_totals(self.gpu, &self.workspace)?.overflow_step != 0 {
-            return Ok(());
-        }
-        let view = (real, &self.supervision.real[real]);
-        let camera = refinement.step(self.gpu, view, rates)?;
-        self.real[real] = ViewUniform::new(&camera, config.model.near, config.model.background);
-        Ok(())
-    }
-
-    /// The training cameras now, canonical frame.
-    pub(super) fn cameras(&self) -> Vec<Camera> {
-        let views = self.supervision.real.iter().enumerate();
-        let camera = |(k, view): (usize, &TrainingView)| match self.poses() {
-            Some(poses) => poses[k].camera(view),
-            None => view.camera.clone(),
-        };
-        views.map(camera).collect()
-    }
-
-    /// The refined poses, where the config asks for them.
-    pub(super) fn poses(&self) -> Option<&Vec<RefinedPose>> {
-        self.refinement.as_ref().map(|r| &r.poses)
-    }
-
-    /// Takes up poses of a state.
-    pub(super) fn set_poses(&mut self, poses: Vec<RefinedPose>) {
-        let model = &self.config.model;
-        for (k, pose) in poses.iter().enumerate() {
-            let camera = pose.camera(&self.supervision.real[k]);
-            self.real[k] = ViewUniform::new(&camera, model.near, model.background);
-        }
-        if let Some(refinement) = &mut self.refinement {
-            refinement.poses = poses;
         }
     }
 }

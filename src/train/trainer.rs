@@ -4,9 +4,10 @@ use std::time::Instant;
 
 use super::guide::Guide;
 use super::memory::{start_capacity, uniform};
-use super::observer::{Observer, PlanRecord, Trained};
+use super::observer::Observer;
 use super::optimizer::{Optimizer, OptimizerKernels, StepUniform};
 use super::policy::{self, Surroundings};
+use super::record::{ImageLoss, LossSample, PlanRecord, Trained};
 use super::refine::Refinement;
 use super::schedule::{self, ViewOrder};
 use super::supervision::{Supervision, TrainingView};
@@ -18,7 +19,6 @@ use crate::render::{
     Bound, Capacity, Kernels, LossUniform, Model, Pass, ViewUniform, Workspace, most_pairs,
     read_totals,
 };
-use crate::run::{ImageLoss, LossSample};
 
 /// Iterations between two looks at the GPU: a loss sample, the overflow flag, the progress.
 const LOOK_INTERVAL: u32 = 10;
@@ -201,7 +201,7 @@ impl<'a> Trainer<'a> {
             }
             if keeps {
                 self.done = done;
-                observer.keep(self)?;
+                observer.keep(&self.state(), &mut self.buffers())?;
             }
         }
         self.gpu.wait()?;

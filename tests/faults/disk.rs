@@ -3,7 +3,7 @@
 use std::fs;
 use std::process::{Command, Stdio};
 
-use gspotential::error::write_file;
+use gspotential::files::write_file;
 
 use super::{Outcome, Place, ended, train, wait_until};
 use crate::scene::build::Folder;

@@ -2,7 +2,8 @@
 
 use gspotential::error::Result;
 use gspotential::pipeline::prepare;
-use gspotential::run::{LossSample, Seconds};
+use gspotential::run::Seconds;
+use gspotential::train::LossSample;
 use gspotential::train::{Observer, State, Trained, Trainer};
 
 use super::job;
@@ -21,9 +22,12 @@ impl Observer for Keep {
         done == self.at
     }
 
-    fn keep(&mut self, trainer: &Trainer<'_>) -> Result<()> {
-        let buffers = trainer.buffers().collect::<Result<_>>()?;
-        self.kept = Some((trainer.state(), buffers));
+    fn keep(
+        &mut self,
+        state: &State,
+        buffers: &mut dyn Iterator<Item = Result<Vec<u8>>>,
+    ) -> Result<()> {
+        self.kept = Some((state.clone(), buffers.collect::<Result<_>>()?));
         Ok(())
     }
 }

@@ -2,8 +2,8 @@
 
 use gspotential::doctor::adam::{CENTERS, FROZEN_BEYOND, config, examine, workspace};
 use gspotential::doctor::gaussians_of;
+use gspotential::doctor::twin::cases::random_scene;
 use gspotential::gpu::Commands;
-use gspotential::reference::cases::random_scene;
 use gspotential::render::Model;
 use gspotential::train::optimizer::{Optimizer, StepUniform};
 

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use gspotential::config::Config;
-use gspotential::digest::sha256;
 use gspotential::eval::EvalOptions;
+use gspotential::files::digest::sha256;
 use gspotential::gaussians::Gaussians;
 use gspotential::gpu::Gpu;
 use gspotential::pipeline::{self, Prepared, TrainJob, prepare};
@@ -69,8 +69,9 @@ fn run(scene: &Scene, root: &Path, eval_every: Option<u32>) -> (Vec<u8>, String,
     check_curve(&metrics, &run.evaluation().expect("written"), eval_every);
     metrics.curve.clear();
     let plans = metrics.model_size.iter().filter_map(|m| m.plan);
-    let n =
-        |count: fn(&gspotential::run::PlanCounts) -> usize| plans.clone().map(|p| count(&p)).sum();
+    let n = |count: fn(&gspotential::train::PlanCounts) -> usize| {
+        plans.clone().map(|p| count(&p)).sum()
+    };
     let counts: [usize; 4] = [
         n(|p| p.cloned),
         n(|p| p.split),

@@ -1,10 +1,10 @@
 //! Dispatches and buffers at the adapter's limits.
 
+use gspotential::doctor::twin::cases::{cameras, random_scene};
 use gspotential::doctor::{Context, gaussians_of, view_of};
 use gspotential::gpu::kernel::fold;
 use gspotential::gpu::shader::compose;
 use gspotential::gpu::{Buffer, Commands, Gpu, Kernel};
-use gspotential::reference::cases::{cameras, random_scene};
 use gspotential::render::{Capacity, Model, Workspace};
 
 use super::rig::context;

@@ -2,12 +2,12 @@
 
 use gspotential::doctor::determinism::Repeat;
 use gspotential::doctor::loss::{Kind, LossCase, MaskKind};
+use gspotential::doctor::twin::cases::random_scene;
 use gspotential::doctor::view::{ORDINARY, ViewCase};
 use gspotential::doctor::{Adapter, Context, Finding, Report, adam, changes, loss, stage, view};
 use gspotential::error::Result;
 use gspotential::gpu::Gpu;
 use gspotential::gpu::shader::{STAGES, compose};
-use gspotential::reference::cases::random_scene;
 
 use super::rig::context;
 

@@ -2,9 +2,9 @@
 
 use glam::Vec3;
 use gspotential::config::Config;
+use gspotential::doctor::twin::cases::random_scene;
+use gspotential::doctor::twin::dropout::{TwinDropout, TwinGuide, pcg};
 use gspotential::doctor::view::{dropout_case, examine, guided_dropout_case};
-use gspotential::reference::cases::random_scene;
-use gspotential::reference::dropout::{TwinDropout, TwinGuide, pcg};
 use gspotential::train::guide::density_scores;
 use gspotential::train::schedule;
 

@@ -1,9 +1,9 @@
 //! The GPU against the reference cases on disk.
 
 use gspotential::doctor::image::{Truth, hold_gradients, hold_image};
+use gspotential::doctor::twin::tolerance;
 use gspotential::doctor::view::{Bounds, ViewCase};
 use gspotential::doctor::{Findings, Rig};
-use gspotential::reference::tolerance;
 
 use super::rig::{assert_findings, context};
 use super::views::{hold, print, row, table_head};

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use std::mem::offset_of;
 
 use gspotential::doctor;
+use gspotential::doctor::twin::{project, raster};
 use gspotential::gpu::constants;
 use gspotential::gpu::shader::{STAGES, compose};
-use gspotential::reference::{project, raster};
 use gspotential::render::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use gspotential::train::optimizer::{RearrangeUniform, StepUniform};
 
@@ -204,7 +204,7 @@ fn constants_are_those_of_the_reference() {
     assert_eq!(constants::SSIM_C1, 0.01 * 0.01);
     assert_eq!(constants::SSIM_C2, 0.03 * 0.03);
     let window = constants::ssim_window();
-    let twin = gspotential::reference::loss::window();
+    let twin = gspotential::doctor::twin::loss::window();
     for (i, row) in window.iter().enumerate() {
         for (j, column) in window.iter().enumerate() {
             assert!((row * column - twin[i * 11 + j]).abs() < 1e-15);

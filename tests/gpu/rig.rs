@@ -2,9 +2,9 @@
 
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
+use gspotential::doctor::twin::compare::held_l2;
 use gspotential::doctor::{Context, Findings};
 use gspotential::gpu::Gpu;
-use gspotential::reference::compare::held_l2;
 
 /// The adapter, for one test at a time: memory stays bounded and a fault belongs to its test.
 /// No adapter is a failure, never a skip.

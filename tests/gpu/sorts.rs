@@ -1,9 +1,9 @@
 //! Scans and radix sorts at the sizes where they change their way, and beyond what they count to.
 
+use gspotential::doctor::twin::cases::{Random, cameras, random_scene};
 use gspotential::doctor::{Context, Rig, gaussians_of, view_of};
 use gspotential::gpu::Commands;
 use gspotential::gpu::constants::{DEPTH_BITS, RADIX_CHUNK, SCAN_CHUNK, SCAN_FEW, WORKGROUP};
-use gspotential::reference::cases::{Random, cameras, random_scene};
 use gspotential::render::Pass;
 
 use super::rig::context;

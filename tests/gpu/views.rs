@@ -2,12 +2,14 @@
 
 use std::io::Write;
 
+use gspotential::doctor::twin::cases::{
+    TwinCase, huge, layers, loss_weights, needles, random_scene,
+};
+use gspotential::doctor::twin::raster::{backward, render};
+use gspotential::doctor::twin::tolerance;
 use gspotential::doctor::view::{Bounds, COVERS, NEEDLES, ORDINARY, ViewCase, examine};
 use gspotential::doctor::{Findings, Rig, gaussians_of, stage, view_of};
 use gspotential::gpu::Commands;
-use gspotential::reference::cases::{TwinCase, huge, layers, loss_weights, needles, random_scene};
-use gspotential::reference::raster::{backward, render};
-use gspotential::reference::tolerance;
 use gspotential::render::{Bound, Capacity, Model, Pass, Workspace};
 
 use super::rig::{assert_findings, assert_held, context};

@@ -3,6 +3,7 @@
 
 use glam::DVec3;
 use gspotential::camera::Camera;
+use gspotential::cloud::splat::splat_views;
 use gspotential::config::Config;
 use gspotential::eval::EvalOptions;
 use gspotential::field::{Field, Focus};
@@ -10,7 +11,6 @@ use gspotential::pipeline::{self, Prepared, TrainJob, prepare};
 use gspotential::run::{RunDir, Seconds, Stop};
 use gspotential::scene::builtin::{BuiltinOptions, render, scene};
 use gspotential::scene::{Scene, SceneSource, View};
-use gspotential::splat::splat_views;
 use gspotential::train::{Trained, TrainingView};
 use gspotential::views::{Viewpoint, place};
 

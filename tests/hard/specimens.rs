@@ -2,13 +2,13 @@
 
 use glam::{DVec3, Vec3};
 use gspotential::config::{Config, Kernel};
+use gspotential::doctor::twin::cases::{Random, looking_at, loss_weights, random_scene};
+use gspotential::doctor::twin::compare::{max_abs_off_mask, relative_l2};
+use gspotential::doctor::twin::model::{TwinCamera, TwinGaussians};
+use gspotential::doctor::twin::raster::{backward, render};
 use gspotential::doctor::{Context, Rig, camera_of, gaussians_of, view_of, wide};
 use gspotential::field::{Coverage, Field, fibonacci_sphere};
 use gspotential::gaussians::Gaussians;
-use gspotential::reference::cases::{Random, looking_at, loss_weights, random_scene};
-use gspotential::reference::compare::{max_abs_off_mask, relative_l2};
-use gspotential::reference::model::{TwinCamera, TwinGaussians};
-use gspotential::reference::raster::{backward, render};
 use gspotential::train::{Supervision, TrainingView};
 
 use super::survive;

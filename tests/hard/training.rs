@@ -4,11 +4,11 @@
 use glam::{DVec3, Vec3};
 use gspotential::camera::Frame;
 use gspotential::config::Config;
+use gspotential::doctor::twin::cases::{cameras, looking_at, random_scene};
+use gspotential::doctor::twin::model::TwinCamera;
 use gspotential::doctor::{gaussians_of, view_of};
 use gspotential::gaussians::Gaussians;
 use gspotential::gpu::constants::{TILE_H, TILE_W};
-use gspotential::reference::cases::{cameras, looking_at, random_scene};
-use gspotential::reference::model::TwinCamera;
 use gspotential::render::{Model, Renderer};
 use gspotential::scene::PointCloud;
 use gspotential::train::{Goal, Supervision, Trained, TrainingView};

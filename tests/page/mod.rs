@@ -7,17 +7,19 @@ mod content;
 use std::path::Path;
 
 use glam::{DMat3, DVec3, Vec3};
+use gspotential::camera::json::write_cameras;
 use gspotential::camera::{Camera, Frame};
-use gspotential::cameras_json::write_cameras;
 use gspotential::config::Config;
 use gspotential::gaussians::Gaussians;
 use gspotential::gaussians::ply::write_ply;
+use gspotential::metrics::ViewScore;
 use gspotential::report::{write_png, write_run_page};
 use gspotential::run::{
-    CurvePoint, Evaluation, ImageLoss, LossSample, Memory, Metrics, ModelSize, PoseProtocol,
-    RunDir, SceneRecord, Seconds, ViewScore, file_names,
+    CurvePoint, Evaluation, Memory, Metrics, ModelSize, RunDir, SceneRecord, Seconds, file_names,
 };
+use gspotential::scene::PoseProtocol;
 use gspotential::scene::{Image, View};
+use gspotential::train::{ImageLoss, LossSample};
 
 const SIZE: (u32, u32) = (60, 40);
 

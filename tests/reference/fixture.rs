@@ -6,8 +6,8 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use gspotential::reference::linalg::Vec3;
-use gspotential::reference::model::{TwinCamera, TwinGaussians, TwinGradients};
+use gspotential::doctor::twin::linalg::Vec3;
+use gspotential::doctor::twin::model::{TwinCamera, TwinGaussians, TwinGradients};
 use serde::Deserialize;
 
 use super::npy::read_shaped;

@@ -1,8 +1,8 @@
 //! The twins against the reference cases on disk.
 
-use gspotential::reference::model::TwinSplat;
-use gspotential::reference::raster::{backward, render_with_tolerance};
-use gspotential::reference::tolerance;
+use gspotential::doctor::twin::model::TwinSplat;
+use gspotential::doctor::twin::raster::{backward, render_with_tolerance};
+use gspotential::doctor::twin::tolerance;
 
 use super::fixture::{FixtureView, fixtures};
 use super::{assert_close_off_mask, assert_relative_l2};

@@ -1,9 +1,9 @@
 //! The losses against values worked out by hand and central differences; Adam.
 
-use gspotential::reference::adam::TwinAdam;
-use gspotential::reference::cases::Random;
-use gspotential::reference::loss::{TwinLoss, loss, window};
-use gspotential::reference::tolerance;
+use gspotential::doctor::twin::adam::TwinAdam;
+use gspotential::doctor::twin::cases::Random;
+use gspotential::doctor::twin::loss::{TwinLoss, loss, window};
+use gspotential::doctor::twin::tolerance;
 
 use super::assert_relative_l2;
 use super::project::central_difference;

@@ -11,7 +11,7 @@ mod pose;
 mod project;
 mod raster;
 
-use gspotential::reference::compare::{max_abs_off_mask, relative_l2};
+use gspotential::doctor::twin::compare::{max_abs_off_mask, relative_l2};
 
 /// Fails, naming `what`, where the relative L2 exceeds `tolerance`.
 pub fn assert_relative_l2(what: &str, a: &[f64], b: &[f64], tolerance: f64) {

@@ -1,12 +1,12 @@
 //! The gradient with respect to a camera's pose, against central differences; the program's camera
 //! moves as the reference's does.
 
+use gspotential::doctor::twin::cases::{self, TwinCase, loss_weights};
+use gspotential::doctor::twin::compare::relative_l2;
+use gspotential::doctor::twin::pose::{moved, pose_gradient};
+use gspotential::doctor::twin::raster::{backward, render, render_with_tolerance};
+use gspotential::doctor::twin::tolerance;
 use gspotential::doctor::{camera_of, twin_of};
-use gspotential::reference::cases::{self, TwinCase, loss_weights};
-use gspotential::reference::compare::relative_l2;
-use gspotential::reference::pose::{moved, pose_gradient};
-use gspotential::reference::raster::{backward, render, render_with_tolerance};
-use gspotential::reference::tolerance;
 
 use super::project::central_difference;
 

@@ -1,12 +1,12 @@
 //! Compositing end to end against central differences and against scenes worked out by hand;
 //! tile lists.
 
-use gspotential::reference::bin::{TileGrid, tile_lists, tiles_of};
-use gspotential::reference::cases::{self, TwinCase};
-use gspotential::reference::compare::relative_l2;
-use gspotential::reference::model::{TwinCamera, TwinGaussians, TwinSplat};
-use gspotential::reference::raster::{ALPHA_MIN, backward, render, render_with_tolerance};
-use gspotential::reference::tolerance;
+use gspotential::doctor::twin::bin::{TileGrid, tile_lists, tiles_of};
+use gspotential::doctor::twin::cases::{self, TwinCase};
+use gspotential::doctor::twin::compare::relative_l2;
+use gspotential::doctor::twin::model::{TwinCamera, TwinGaussians, TwinSplat};
+use gspotential::doctor::twin::raster::{ALPHA_MIN, backward, render, render_with_tolerance};
+use gspotential::doctor::twin::tolerance;
 
 use super::project::{CLASSES, N_RAW, central_difference, parameter};
 

@@ -3,7 +3,7 @@
 use std::process::Command;
 
 use glam::DVec3;
-use gspotential::run::PoseProtocol;
+use gspotential::scene::PoseProtocol;
 use gspotential::scene::{LoadOptions, Scene};
 use serde_json::Value;
 

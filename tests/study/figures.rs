@@ -1,8 +1,8 @@
 //! Means, deviations, rank correlation, and the tables that show them.
 
 use glam::DVec3;
+use gspotential::report::stats::{Figure, partial_spearman, spearman};
 use gspotential::scene::builtin::{test_cameras, train_cameras};
-use gspotential::stats::{Figure, partial_spearman, spearman};
 use gspotential::study::{Cell, Column, DataTable, spread_order};
 
 fn figure(values: &[f64]) -> Option<Figure> {

@@ -7,8 +7,9 @@ use safetensors::{Dtype, SafeTensors};
 use super::layers::Conv;
 use super::net::ConvSpec;
 use super::{InputRange, Lpips, Net, Slice, WEIGHTS_RECIPE};
-use crate::digest::sha256;
-use crate::error::{Error, Result, read_file};
+use crate::error::{Error, Result};
+use crate::files::digest::sha256;
+use crate::files::read_file;
 
 /// Largest file that is read: VGG's is 59 MB.
 const MAX_BYTES: u64 = 1 << 30;

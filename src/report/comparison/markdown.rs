@@ -3,10 +3,10 @@
 use std::fmt;
 
 use super::{Block, ComparedRun, Comparison, Row};
+use crate::metrics::{CoveredScore, LpipsRecord, Mean};
 use crate::report::evaluation::{COVERED, MASKED, how, lpips_hint};
-use crate::report::table::{Table, escaped};
-use crate::run::{CoveredScore, LpipsRecord, Mean};
-use crate::stats::Figure;
+use crate::report::stats::Figure;
+use crate::terminal::table::{Table, escaped};
 
 /// A column of figures.
 struct Column {

@@ -9,8 +9,9 @@ mod run;
 pub use run::ComparedRun;
 
 use crate::error::{Error, Result};
-use crate::run::{PoseProtocol, Renders};
-use crate::stats::Figure;
+use crate::metrics::Renders;
+use crate::report::stats::Figure;
+use crate::scene::PoseProtocol;
 
 /// Training views that a row's label names; more are counted.
 const MAX_NAMED: usize = 4;

@@ -8,11 +8,13 @@ use serde::Serialize;
 use super::curves::{self, Trained};
 use super::picture::{MAX_PIXELS, Picture, picture, side_of};
 use super::{document, json, table};
-use crate::error::{Result, write_file};
-use crate::report::table::figure;
-use crate::report::{Table, read_png};
+use crate::error::Result;
+use crate::files::write_file;
+use crate::report::read_png;
 use crate::run::{Evaluation, Metrics, RunDir, SceneRecord, file_names};
 use crate::scene::View;
+use crate::terminal::Table;
+use crate::terminal::table::figure;
 
 /// Most test views of a scene, evenly over all of them: a run's own page has the rest. With many
 /// runs there are fewer, so that they stay large enough to see.

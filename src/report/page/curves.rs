@@ -2,7 +2,8 @@
 
 use crate::error::Result;
 use crate::report::plot::{Axis, Plot, Point, Style};
-use crate::run::{CurvePoint, ImageLoss, LossSample, Metrics};
+use crate::run::{CurvePoint, Metrics};
+use crate::train::{ImageLoss, LossSample};
 
 /// Most points of a curve: a sample is of one view and jumps with it, a mean over many does not.
 const MAX_POINTS: usize = 60;

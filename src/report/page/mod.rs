@@ -16,8 +16,8 @@ pub use run_page::write_run_page;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde::Serialize;
 
-use super::Table;
 use crate::error::{Error, Result};
+use crate::terminal::Table;
 
 const STYLE: &str = include_str!("style.css");
 

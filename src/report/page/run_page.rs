@@ -9,14 +9,16 @@ use super::packed::{MAX_PACKED, PACKED_BYTES, pack};
 use super::picture::{MAX_ERROR, Picture, base64, error_map, picture, side_of};
 use super::{document, json, table};
 use crate::camera::Frame;
-use crate::cameras_json::read_cameras;
+use crate::camera::json::read_cameras;
 use crate::config::Config;
-use crate::error::{Result, write_file};
+use crate::error::Result;
+use crate::files::write_file;
 use crate::gaussians::ply::read_ply;
-use crate::report::table::figure;
+use crate::metrics::ViewScore;
 use crate::report::{read_png, view_table};
-use crate::run::{Evaluation, Metrics, RunDir, ViewScore, file_names};
+use crate::run::{Evaluation, Metrics, RunDir, file_names};
 use crate::scene::View;
+use crate::terminal::table::figure;
 
 /// Longer side of the contact sheet of virtual views, pixels.
 const SHEET_SIDE: u32 = 1200;

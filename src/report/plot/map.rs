@@ -6,8 +6,9 @@ use glam::DVec3;
 use plotters::prelude::*;
 
 use super::{BAR_WIDTH, ColorScale, FONT};
-use crate::compass::Compass;
-use crate::error::{Error, Result, write_file};
+use crate::camera::compass::Compass;
+use crate::error::{Error, Result};
+use crate::files::write_file;
 
 /// Cells around the equator; half as many from pole to pole.
 const N_LONGITUDES: i32 = 120;

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::{Probe, find_numbered};
 use crate::camera::Camera;
-use crate::cameras_json::read_cameras;
+use crate::camera::json::read_cameras;
 use crate::error::{Error, Result};
 use crate::scene::LoadOptions;
 use crate::scene::images::check_name;

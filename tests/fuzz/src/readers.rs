@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use gspotential::camera::Frame;
-use gspotential::cameras_json::{read_cameras, write_cameras};
+use gspotential::camera::json::{read_cameras, write_cameras};
 use gspotential::config::Config;
 use gspotential::error::Error;
 use gspotential::gaussians::ply::{read_ply, write_ply};

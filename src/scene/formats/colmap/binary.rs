@@ -2,7 +2,7 @@
 
 use super::{MODELS, Model, n_params};
 use crate::error::{Error, Result};
-use crate::scene::bytes::Reader;
+use crate::files::bytes::Reader;
 
 /// id, model and size of a camera without its parameters.
 const CAMERA_BYTES: usize = 4 + 4 + 8 + 8;

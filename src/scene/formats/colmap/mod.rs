@@ -13,8 +13,8 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::{Probe, first_file};
 use crate::error::{Error, Result};
+use crate::files::bytes::read_regular;
 use crate::scene::LoadOptions;
-use crate::scene::bytes::read_regular;
 use crate::scene::images::check_name;
 use crate::scene::layout::{Intrinsics, Layout, PosedCamera};
 

@@ -2,8 +2,8 @@
 
 use super::text::{at_line, lines, number, numbers};
 use crate::error::Result;
+use crate::files::bytes::Reader;
 use crate::scene::PointCloud;
-use crate::scene::bytes::Reader;
 use glam::DVec3;
 
 /// id, position, colour, error and track length of a point.

@@ -22,10 +22,10 @@
 use rayon::prelude::*;
 
 use crate::camera::{Camera, Frame};
+use crate::cloud::splat::{Points, Winner, ZBuffer};
 use crate::config::CarveConfig;
 use crate::error::Result;
 use crate::scene::{Image, PointCloud, View};
-use crate::splat::{Points, Winner, ZBuffer};
 
 /// A carved cloud.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,5 +1,7 @@
 //! Pinhole cameras. World-to-camera, +z forward, y down, pixel centres at +0.5.
 
+pub mod compass;
+pub mod json;
 mod similarity;
 
 pub use similarity::Similarity;

@@ -4,10 +4,10 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::camera::{Camera, Frame};
+use crate::cloud::splat::{self, Filter, Points, ZBuffer};
 use crate::config::{Config, SplatConfig, VisibilityConfig};
 use crate::error::Result;
 use crate::scene::{PointCloud, thin};
-use crate::splat::{self, Filter, Points, ZBuffer};
 
 /// Longer side of the training views' depth maps, pixels: few enough that the points of a
 /// DUSt3R-style cloud leave no gaps between them through which hidden points show.

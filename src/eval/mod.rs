@@ -9,18 +9,18 @@ pub use poses::PoseErrors;
 use rayon::prelude::*;
 
 use crate::camera::Frame;
+use crate::cloud::splat::{SplatImage, splat_views};
 use crate::config::{Config, ModelConfig};
 use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
 use crate::gpu::Gpu;
 use crate::metrics::{self, FloatImage, Lpips, Pixels};
-use crate::progress::Progress;
-use crate::render::{Kernels, Model, Rendered, Renderer, ViewUniform};
-use crate::run::{
+use crate::metrics::{
     CoveredScore, LpipsRecord, MaskedScore, PointSplatScore, Renders, ViewScore, mean,
 };
+use crate::render::{Kernels, Model, Rendered, Renderer, ViewUniform};
 use crate::scene::{Image, PointCloud, PoseProtocol, View};
-use crate::splat::{SplatImage, splat_views};
+use crate::terminal::progress::Progress;
 
 /// How test cameras come into the frame of a run's model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]

@@ -75,7 +75,7 @@ impl fmt::Display for Table {
 }
 
 /// Names come from files: what would break the table or reach the terminal raw is replaced.
-pub(super) fn escaped(cell: &str) -> String {
+pub(crate) fn escaped(cell: &str) -> String {
     cell.chars()
         .map(|c| if c.is_control() { ' ' } else { c })
         .collect::<String>()
@@ -84,7 +84,7 @@ pub(super) fn escaped(cell: &str) -> String {
 }
 
 /// `n/a` for what was not measured.
-pub(super) fn figure(value: Option<f64>, digits: usize) -> String {
+pub(crate) fn figure(value: Option<f64>, digits: usize) -> String {
     match value {
         Some(value) => format!("{value:.digits$}"),
         None => "n/a".to_owned(),

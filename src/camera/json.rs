@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::camera::{Camera, check_lens, nearest_rotation};
-use crate::error::{Error, Result, read_file, write_file};
+use crate::error::{Error, Result};
+use crate::files::{read_file, write_file};
 
 /// One camera as 3DGS writes it; other keys are ignored.
 #[derive(Serialize, Deserialize)]

@@ -14,7 +14,8 @@ use plotters::chart::ChartContext;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-use crate::error::{Error, Result, write_file};
+use crate::error::{Error, Result};
+use crate::files::write_file;
 
 /// Size of a plot, pixels.
 const SIZE: (u32, u32) = (800, 500);

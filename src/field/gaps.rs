@@ -6,7 +6,7 @@
 
 use glam::DVec3;
 
-use crate::compass::Compass;
+use crate::camera::compass::Compass;
 use crate::field::{Field, fibonacci_sphere};
 
 /// The band reaches this far beyond the cameras' own elevations, degrees.

@@ -22,17 +22,13 @@ mod profile;
 mod record;
 mod stop;
 
-pub use crate::scene::PoseProtocol;
 pub use checkpoints::{Checkpoints, Found};
-pub use evaluation::{
-    CoveredScore, Evaluation, LpipsRecord, MaskedMean, MaskedScore, Mean, Measured,
-    PointSplatScore, Renders, ViewScore, mean,
-};
+pub use evaluation::{Evaluation, Measured};
 pub use names::file_names;
 pub use profile::{KernelProfile, RunProfile, StepProfile};
 pub use record::{
-    CurvePoint, ImageLoss, JobRecord, LossSample, Memory, Metrics, ModelSize, PlanCounts,
-    PoseChange, SceneRecord, Seconds, peak_host_bytes,
+    CurvePoint, JobRecord, Memory, Metrics, ModelSize, PoseChange, SceneRecord, Seconds,
+    peak_host_bytes,
 };
 pub use stop::{Gentle, Stop};
 
@@ -45,7 +41,8 @@ use serde::de::DeserializeOwned;
 use lock::{LOCK_FILE, RunLock};
 
 use crate::config::Config;
-use crate::error::{Error, Result, create_dir, read_file, write_file};
+use crate::error::{Error, Result};
+use crate::files::{create_dir, read_file, write_file};
 
 /// Beside `config.json`.
 const FILES: &[&str] = &[

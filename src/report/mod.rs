@@ -9,7 +9,7 @@ mod page;
 pub mod plot;
 mod profile;
 mod sheet;
-mod table;
+pub mod stats;
 
 pub use animation::write_animation;
 pub use comparison::{Block, ComparedRun, Comparison, Row, check_protocols};
@@ -19,7 +19,6 @@ pub use memory::{gpu_memory_table, host_memory_table};
 pub use page::{SceneRuns, write_comparison, write_run_page};
 pub use profile::{kernel_table, profile_tables};
 pub use sheet::{ContactSheet, mask_image};
-pub use table::Table;
 
 use std::io::Cursor;
 use std::path::Path;
@@ -28,7 +27,8 @@ use image::codecs::openexr::OpenExrEncoder;
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder, ImageFormat};
 
-use crate::error::{Error, Result, read_file, write_file};
+use crate::error::{Error, Result};
+use crate::files::{read_file, write_file};
 use crate::scene::Image;
 
 /// Writes an 8-bit RGB PNG.

@@ -3,17 +3,18 @@
 
 use std::path::Path;
 
-use crate::error::{Error, Result, read_file};
+use crate::error::{Error, Result};
+use crate::files::read_file;
 
 /// Reads a whole file of a scene. Pipes and devices, which may have no end, are refused.
-pub(super) fn read_regular(path: &Path) -> Result<Vec<u8>> {
+pub fn read_regular(path: &Path) -> Result<Vec<u8>> {
     if path.exists() && !path.is_file() {
         return Err(Error::new("not a regular file").at_path(path));
     }
     read_file(path)
 }
 
-pub(super) struct Reader<'a> {
+pub struct Reader<'a> {
     bytes: &'a [u8],
     position: usize,
 }

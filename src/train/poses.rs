@@ -1,0 +1,55 @@
+//! The trainer's cameras: the training views' poses, refined where the config asks for it.
+
+use super::refine::{RefinedPose, pose_rates};
+use super::supervision::TrainingView;
+use super::trainer::Trainer;
+use crate::camera::Camera;
+use crate::error::Result;
+use crate::render::{ViewUniform, read_totals};
+
+impl Trainer<'_> {
+    /// Moves the real view's camera by what the step just submitted has found, where poses are
+    /// refined.
+    pub(super) fn refine(&mut self, iteration: u32, real: usize) -> Result<()> {
+        let config = self.config;
+        let rates = pose_rates(&config.poses, iteration, config.iterations);
+        let Some(refinement) = &mut self.refinement else {
+            return Ok(());
+        };
+        // A step whose pairs did not fit has no gradient; it is taken again.
+        if read_totals(self.gpu, &self.workspace)?.overflow_step != 0 {
+            return Ok(());
+        }
+        let view = (real, &self.supervision.real[real]);
+        let camera = refinement.step(self.gpu, view, rates)?;
+        self.real[real] = ViewUniform::new(&camera, config.model.near, config.model.background);
+        Ok(())
+    }
+
+    /// The training cameras now, canonical frame.
+    pub(super) fn cameras(&self) -> Vec<Camera> {
+        let views = self.supervision.real.iter().enumerate();
+        let camera = |(k, view): (usize, &TrainingView)| match self.poses() {
+            Some(poses) => poses[k].camera(view),
+            None => view.camera.clone(),
+        };
+        views.map(camera).collect()
+    }
+
+    /// The refined poses, where the config asks for them.
+    pub(super) fn poses(&self) -> Option<&Vec<RefinedPose>> {
+        self.refinement.as_ref().map(|r| &r.poses)
+    }
+
+    /// Takes up poses of a state.
+    pub(super) fn set_poses(&mut self, poses: Vec<RefinedPose>) {
+        let model = &self.config.model;
+        for (k, pose) in poses.iter().enumerate() {
+            let camera = pose.camera(&self.supervision.real[k]);
+            self.real[k] = ViewUniform::new(&camera, model.near, model.background);
+        }
+        if let Some(refinement) = &mut self.refinement {
+            refinement.poses = poses;
+        }
+    }
+}

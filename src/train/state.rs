@@ -1,0 +1,34 @@
+//! The state of a training run between two iterations, but for the buffers.
+
+use serde::{Deserialize, Serialize};
+
+use super::guide::Guide;
+use super::record::{LossSample, PlanRecord};
+use super::refine::RefinedPose;
+use crate::render::{BLOCK_PLANES, n_blocks};
+
+/// A state but for the optimizer's buffers, which are large.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// Number of finished iterations.
+    pub done: u32,
+    pub n_gaussians: usize,
+    /// Entries a plane of the buffers.
+    pub stride: usize,
+    pub sh_degree: u32,
+    pub samples: Vec<LossSample>,
+    pub plans: Vec<PlanRecord>,
+    /// Of the training cameras, where they are refined.
+    pub poses: Option<Vec<RefinedPose>>,
+    /// Of the views, where dropout is guided.
+    pub guides: Vec<Guide>,
+}
+
+impl State {
+    /// `vec4f`s of each buffer: the blocks of the parameters, of both moments, the statistics.
+    pub(super) fn buffer_lens(&self) -> Vec<usize> {
+        let planes = &BLOCK_PLANES[..n_blocks(self.sh_degree)];
+        let planes = [planes, planes, planes, &[1]].concat();
+        planes.iter().map(|planes| planes * self.stride).collect()
+    }
+}
