@@ -47,6 +47,7 @@ fn adam_geometry(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
         return;
     }
     let frozen = length(parameters[id].xyz) > step.limits.x;
+    // bound: 3 turns.
     for (var plane = 0u; plane < 3u; plane++) {
         let index = plane * step.counts.y + id;
         update(index, source[index], select(step.rates[plane], vec4f(0.0), frozen));

@@ -1,6 +1,7 @@
-// Finds the tiles that each splat reaches: one thread a splat, front to back. Runs twice with the
-// same code: `COUNT` counts a splat's tiles, `EMIT` writes its pairs, which are numbered front to
-// back, splat by splat.
+// Finds the tiles that each splat reaches, in two dispatches of the same code, so that both find the
+// same tiles to the bit. `COUNT`: one thread a splat counts its tiles. `EMIT`: one thread
+// EMIT_CHUNK pairs, which are numbered front to back, splat by splat, writes them: a splat that
+// fills the screen is shared by many threads.
 #import shared/view
 
 const COUNT = 0u;
@@ -19,71 +20,138 @@ const COUNT = 0u;
 // (key, Gaussian), front to back.
 @group(0) @binding(8) var<storage, read> depth_order: array<vec2u>;
 
+// The ellipse on which a splat's alpha falls to ALPHA_MIN, with the rows of tiles that it meets.
+struct Outline {
+    center: vec2f,
+    reach: f32,
+    inv_xx: f32,
+    l_yy: f32,
+    // x of the ellipse's axis is slope * dy.
+    slope: f32,
+    half_height: f32,
+    // The rightmost point of the ellipse lies at dy = y_right, the leftmost at -y_right.
+    y_right: f32,
+    // First row of tiles, one past the last.
+    rows: vec2u,
+}
+
+fn outline(id: u32) -> Outline {
+    let s0 = splats[3u * id];
+    let s1 = splats[3u * id + 1u];
+    var o: Outline;
+    o.center = s0.xy;
+    // Rounding may not lose a pixel at the rim.
+    let reach = s1.w * 1.0001 + 1e-4;
+    let inv_yy = 1.0 / s1.x;
+    let inv_xx = 1.0 / s0.z;
+    let slope = -s0.w * inv_xx;
+    let half_height = sqrt(reach) * inv_yy;
+    let cov_xy = slope * inv_yy * inv_yy;
+    o.reach = reach;
+    o.inv_xx = inv_xx;
+    o.l_yy = s1.x;
+    o.slope = slope;
+    o.half_height = half_height;
+    o.y_right = cov_xy * sqrt(reach / (inv_xx * inv_xx + slope * cov_xy));
+    let top = max(ceil(s0.y - half_height - 0.5 - RIM), 0.0);
+    let bottom = min(floor(s0.y + half_height - 0.5 + RIM), f32(view.size.y) - 1.0);
+    if (s1.w > 0.0 && top <= bottom) {
+        o.rows = vec2u(u32(top) / TILE_H, u32(bottom) / TILE_H + 1u);
+    }
+    return o;
+}
+
+// First column and number of columns of the tiles of a row that an outline meets.
+fn columns(o: Outline, row: u32) -> vec2u {
+    // Pixel centres of this row of tiles, relative to the splat.
+    let y_0 = max(f32(row * TILE_H) + 0.5 - o.center.y, -o.half_height);
+    let y_1 = min(f32(row * TILE_H + TILE_H) - 0.5 - o.center.y, o.half_height);
+    let dy_right = clamp(o.y_right, min(y_0, y_1), y_1);
+    let dy_left = clamp(-o.y_right, min(y_0, y_1), y_1);
+    let t_right = dy_right * o.l_yy;
+    let t_left = dy_left * o.l_yy;
+    let right = o.slope * dy_right + sqrt(max(o.reach - t_right * t_right, 0.0)) * o.inv_xx;
+    let left = o.slope * dy_left - sqrt(max(o.reach - t_left * t_left, 0.0)) * o.inv_xx;
+    let x_0 = max(ceil(o.center.x + left - 0.5 - RIM), 0.0);
+    let x_1 = min(floor(o.center.x + right - 0.5 + RIM), f32(view.size.x) - 1.0);
+    if (x_0 > x_1) {
+        return vec2u(0u);
+    }
+    let column = u32(x_0) / TILE_W;
+    return vec2u(column, u32(x_1) / TILE_W - column + 1u);
+}
+
+// The splat that pair `pair` is of: the last of `n` whose first pair is not beyond it, `low` or
+// after. Splats without pairs share their first pair with the next that has some. Steps double
+// from `step` on until they go too far, then halve.
+fn owner(pair: u32, low: u32, step: u32, n: u32) -> u32 {
+    var rank = low;
+    var ahead = step;
+    // bound: 32 turns, `rank` grows by powers of two and stays below n < 2^31.
+    for (; rank + ahead < n && splat_pairs[rank + ahead] <= pair; ahead *= 2u) {
+        rank += ahead;
+    }
+    // bound: 32 turns, a power of two is halved.
+    for (; ahead > 0u; ahead /= 2u) {
+        if (rank + ahead < n && splat_pairs[rank + ahead] <= pair) {
+            rank += ahead;
+        }
+    }
+    return rank;
+}
+
 @compute @workgroup_size(WORKGROUP)
 fn bin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let rank = (group.y * groups.x + group.x) * WORKGROUP + local;
-    if (rank >= view.counts.x) {
-        return;
-    }
+    let thread = (group.y * groups.x + group.x) * WORKGROUP + local;
+    let n = view.counts.x;
     let counting = mode.x == COUNT;
     if (!counting && totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
-    let id = depth_order[rank].y;
-    let s0 = splats[3u * id];
-    let s1 = splats[3u * id + 1u];
-    var n_pairs = 0u;
-    if (s1.w > 0.0) {
-        var first = 0u;
-        if (!counting) {
-            first = splat_pairs[rank];
+    if (!counting && thread < n) {
+        var last = totals[TOTAL_PAIRS];
+        if (thread + 1u < n) {
+            last = splat_pairs[thread + 1u];
         }
-        // Rounding may not lose a pixel at the rim.
-        let reach = s1.w * 1.0001 + 1e-4;
-        let inv_yy = 1.0 / s1.x;
-        let inv_xx = 1.0 / s0.z;
-        // x of the ellipse's axis is slope * dy.
-        let slope = -s0.w * inv_xx;
-        let half_height = sqrt(reach) * inv_yy;
-        // The rightmost point of the ellipse lies at dy = y_right, the leftmost at -y_right.
-        let cov_xy = slope * inv_yy * inv_yy;
-        let y_right = cov_xy * sqrt(reach / (inv_xx * inv_xx + slope * cov_xy));
-        let height = f32(view.size.y);
-        let width = f32(view.size.x);
-        let top = max(ceil(s0.y - half_height - 0.5 - RIM), 0.0);
-        let bottom = min(floor(s0.y + half_height - 0.5 + RIM), height - 1.0);
-        if (top <= bottom) {
-            let row_0 = u32(top) / TILE_H;
-            let row_1 = u32(bottom) / TILE_H;
-            for (var row = row_0; row <= row_1; row++) {
-                // Pixel centres of this row of tiles, relative to the splat.
-                let y_0 = max(f32(row * TILE_H) + 0.5 - s0.y, -half_height);
-                let y_1 = min(f32(row * TILE_H + TILE_H) - 0.5 - s0.y, half_height);
-                let dy_right = clamp(y_right, min(y_0, y_1), y_1);
-                let dy_left = clamp(-y_right, min(y_0, y_1), y_1);
-                let t_right = dy_right * s1.x;
-                let t_left = dy_left * s1.x;
-                let right = slope * dy_right + sqrt(max(reach - t_right * t_right, 0.0)) * inv_xx;
-                let left = slope * dy_left - sqrt(max(reach - t_left * t_left, 0.0)) * inv_xx;
-                let x_0 = max(ceil(s0.x + left - 0.5 - RIM), 0.0);
-                let x_1 = min(floor(s0.x + right - 0.5 + RIM), width - 1.0);
-                if (x_0 <= x_1) {
-                    let column_0 = u32(x_0) / TILE_W;
-                    let column_1 = u32(x_1) / TILE_W;
-                    let n_columns = column_1 - column_0 + 1u;
-                    for (var i = 0u; i < select(n_columns, 0u, counting); i++) {
-                        let pair = first + n_pairs + i;
-                        pairs[pair] = vec2u(row * view.size.z + column_0 + i, pair);
-                        pair_gaussian[pair] = id;
-                    }
-                    n_pairs += n_columns;
-                }
+        gaussian_pairs[depth_order[thread].y] = vec2u(splat_pairs[thread], last);
+    }
+    // Emitting, the thread's pairs; counting, all pairs of one splat, and none is written.
+    var pair = select(thread * EMIT_CHUNK, 0u, counting);
+    let end = select(min(pair + EMIT_CHUNK, totals[TOTAL_PAIRS]), 0xffffffffu, counting);
+    let n_splats = select(EMIT_CHUNK, select(0u, 1u, thread < n), counting);
+    // Counting searches nothing.
+    let n_searched = select(n, 0u, counting);
+    var rank = select(0u, thread, counting);
+    // The first search starts with the largest step there is.
+    var step = 1u << firstLeadingBit(max(n_searched, 1u));
+    var before = 0u;
+    // bound: EMIT_CHUNK turns, a splat that the scan names has a pair.
+    for (var k = 0u; k < n_splats && pair < end; k++) {
+        rank = owner(pair, rank, step, n_searched);
+        step = 1u;
+        let id = depth_order[rank].y;
+        let o = outline(id);
+        before = 0u;
+        if (!counting) {
+            before = splat_pairs[rank];
+        }
+        // bound: rows of tiles, held to MOST_TILE_ROWS by the host.
+        for (var row = o.rows.x; row < o.rows.y; row++) {
+            let span = columns(o, row);
+            let stop = min(before + span.y, select(end, 0u, counting));
+            let first = row * view.size.z + span.x;
+            // bound: EMIT_CHUNK turns over all rows and splats together.
+            for (; pair < stop; pair++) {
+                pairs[pair] = vec2u(first + pair - before, pair);
+                pair_gaussian[pair] = id;
+            }
+            before += span.y;
+            if (before >= end) {
+                break;
             }
         }
     }
-    if (counting) {
-        splat_pairs[rank] = n_pairs;
-    } else {
-        gaussian_pairs[id] = vec2u(splat_pairs[rank], splat_pairs[rank] + n_pairs);
+    if (counting && thread < n) {
+        splat_pairs[thread] = before;
     }
 }

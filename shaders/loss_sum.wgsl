@@ -17,6 +17,7 @@ fn workgroup_sum(local: u32, mine: vec2f) -> vec2f {
     workgroupBarrier();
     var sum = vec2f(0.0);
     if (local == 0u) {
+        // bound: WORKGROUP turns.
         for (var i = 0u; i < WORKGROUP; i++) {
             sum += sums[i];
         }
@@ -29,6 +30,7 @@ fn loss_blocks(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gro
     let block = group.y * groups.x + group.x;
     let first = block * BLOCK + local * SCAN_CHUNK;
     var mine = vec2f(0.0);
+    // bound: SCAN_CHUNK turns.
     for (var i = first; i < min(first + SCAN_CHUNK, loss.n_partials); i++) {
         mine += partials[i];
     }
@@ -43,6 +45,7 @@ fn loss_total(@builtin(local_invocation_index) local: u32) {
     let n_blocks = (loss.n_partials + BLOCK - 1u) / BLOCK;
     let chunk = (n_blocks + WORKGROUP - 1u) / WORKGROUP;
     var mine = vec2f(0.0);
+    // bound: n_partials / (SCAN_CHUNK WORKGROUP^2) + 1 turns: 2^15 for 2^32 partials.
     for (var i = local * chunk; i < min((local + 1u) * chunk, n_blocks); i++) {
         mine += block_partials[i];
     }

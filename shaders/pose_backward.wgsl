@@ -31,6 +31,7 @@ fn sum_workgroup(local: u32, turn: vec3f, shift: vec3f) {
     shifts[local] = shift;
     workgroupBarrier();
     if (local == 0u) {
+        // bound: WORKGROUP turns.
         for (var i = 1u; i < WORKGROUP; i++) {
             turns[0] += turns[i];
             shifts[0] += shifts[i];
@@ -75,6 +76,7 @@ fn pose_total(@builtin(local_invocation_index) local: u32) {
     let chunk = (n_blocks + WORKGROUP - 1u) / WORKGROUP;
     var turn = vec3f(0.0);
     var shift = vec3f(0.0);
+    // bound: n / WORKGROUP^2 + 1 turns, n below 2^27: a Gaussian's geometry takes 48 bytes of a binding.
     for (var i = local * chunk; i < min((local + 1u) * chunk, n_blocks); i++) {
         turn += pose_sums[2u * i].xyz;
         shift += pose_sums[2u * i + 1u].xyz;

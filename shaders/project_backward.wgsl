@@ -1,5 +1,5 @@
-// Gradient of the projection: one thread a Gaussian. Sums the Gaussian's pairs in their fixed
-// order and carries the sums through covariance, projection, SH direction and quaternion
+// Gradient of the projection: one thread a Gaussian. Sums the Gaussian's pairs, by the blocks that
+// sum_pairs has summed, in their fixed order and carries the sums through covariance, projection, SH direction and quaternion
 // normalisation to the stored parameters. The step's first view writes, its second adds.
 #import shared/view
 #import shared/gaussian
@@ -54,10 +54,18 @@ fn project_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
     var a = vec4f(0.0);
     var b = vec4f(0.0);
     var c = 0.0;
-    for (var pair = range.x; pair < range.y; pair++) {
+    // Single pairs up to an aligned block, such blocks up to an aligned block of them, those, and
+    // the same backwards.
+    // bound: 4 (PAIR_BLOCK - 1) turns and one for PAIR_BLOCK^2 pairs, held by the host.
+    for (var pair = range.x; pair < range.y;) {
         a += d_pair_a[pair];
         b += d_pair_b[pair];
         c += d_pair_c[pair];
+        let left = range.y - pair;
+        var n_summed = select(1u, PAIR_BLOCK, pair % PAIR_BLOCK == 0u && left >= PAIR_BLOCK);
+        let large = PAIR_BLOCK * PAIR_BLOCK;
+        n_summed = select(n_summed, large, pair % large == 0u && left >= large);
+        pair += n_summed;
     }
 
     let g0 = geometry[id];

@@ -37,11 +37,13 @@ fn radix_count(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gro
     let first = chunk * RADIX_CHUNK;
     let end = min(first + RADIX_CHUNK, n);
     var counters = vec4u(0u);
+    // bound: RADIX_CHUNK / 2 turns.
     for (var i = first; i < end; i += 2u) {
         let digits = (entries_in[i / 2u].xz >> vec2u(radix.shift)) & vec2u(15u);
         counters += one(digits.x);
         counters += select(vec4u(0u), one(digits.y), i + 1u < end);
     }
+    // bound: 16 turns.
     for (var digit = 0u; digit < 16u; digit++) {
         digit_counts[digit * n_chunks + chunk] = counter(counters, digit);
     }
@@ -58,6 +60,7 @@ fn radix_move(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) grou
     let first = chunk * RADIX_CHUNK;
     let end = min(first + RADIX_CHUNK, n);
     var counters = vec4u(0u);
+    // bound: RADIX_CHUNK / 2 turns.
     for (var i = first; i < end; i += 2u) {
         let entries = entries_in[i / 2u];
         let digits = (entries.xz >> vec2u(radix.shift)) & vec2u(15u);

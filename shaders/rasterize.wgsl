@@ -15,13 +15,28 @@
 // Per pixel: one past the last blended splat, counted from its tile's first.
 @group(0) @binding(5) var<storage, read_write> last_blended: array<vec4u>;
 @group(0) @binding(6) var<storage, read> totals: array<u32>;
+// x: first entry of the dispatch's slice of every list.
+@group(0) @binding(9) var<uniform> slice: vec4u;
 
 #import shared/tile
 
+// All of every list, which has at most LIST_SLICE entries.
 @compute @workgroup_size(WORKGROUP)
 fn rasterize(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    composite((group.y * groups.x + group.x) * WORKGROUP + local, 0u, false);
+}
+
+// The next LIST_SLICE entries of every list. A tile whose list goes on leaves its state in
+// `rendered`, colours without background and the transmittance with its sign, and in `last_blended`.
+@compute @workgroup_size(WORKGROUP)
+fn rasterize_slice(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    composite((group.y * groups.x + group.x) * WORKGROUP + local, slice.x, true);
+}
+
+// `sliced` is known where the function is compiled: without slices nothing of them is left.
+fn composite(thread: u32, slice_first: u32, sliced: bool) {
     // Beyond the last block this reads another's entry or, held to the bounds, the last.
-    let tile = tile_order[(group.y * groups.x + group.x) * WORKGROUP + local];
+    let tile = tile_order[thread];
     if (tile >= view.size.z * view.size.w || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
@@ -42,7 +57,29 @@ fn rasterize(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) group
     #end
 
     let range = tile_ranges[tile];
-    for (var i = range.x; i < range.y; i++) {
+    var first = range.x;
+    var end = range.y;
+    if (sliced) {
+        let length = range.y - range.x;
+        if (slice_first > 0u && slice_first >= length) {
+            return;
+        }
+        first += slice_first;
+        end = min(end, first + LIST_SLICE);
+        // Depends on the list, too: see project_backward on branches on uniforms alone.
+        if (slice_first > 0u && slice_first < length) {
+            #repeat r TILE_H
+            red_{r} = rendered[plane_index(view, 0u, x4, y + {r}u)];
+            green_{r} = rendered[plane_index(view, 1u, x4, y + {r}u)];
+            blue_{r} = rendered[plane_index(view, 2u, x4, y + {r}u)];
+            transmittance_{r} = rendered[plane_index(view, 3u, x4, y + {r}u)];
+            last_{r} = last_blended[plane_index(view, 0u, x4, y + {r}u)];
+            #end
+        }
+    }
+    // bound: LIST_SLICE turns; a longer list is seen by order_tiles, and the step is taken again in
+    // slices.
+    for (var i = first; i < end; i++) {
         let id = pair_gaussian[tile_pairs[i].y];
         let s0 = splats[3u * id];
         let s1 = splats[3u * id + 1u];
@@ -77,10 +114,12 @@ fn rasterize(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) group
 
     #repeat r TILE_H
     {
-        let t = abs(transmittance_{r});
-        rendered[plane_index(view, 0u, x4, y + {r}u)] = red_{r} + view.background.x * t;
-        rendered[plane_index(view, 1u, x4, y + {r}u)] = green_{r} + view.background.y * t;
-        rendered[plane_index(view, 2u, x4, y + {r}u)] = blue_{r} + view.background.z * t;
+        let goes_on = sliced && end < range.y;
+        let t = select(abs(transmittance_{r}), transmittance_{r}, goes_on);
+        let background = select(view.background, vec4f(0.0), goes_on);
+        rendered[plane_index(view, 0u, x4, y + {r}u)] = red_{r} + background.x * t;
+        rendered[plane_index(view, 1u, x4, y + {r}u)] = green_{r} + background.y * t;
+        rendered[plane_index(view, 2u, x4, y + {r}u)] = blue_{r} + background.z * t;
         rendered[plane_index(view, 3u, x4, y + {r}u)] = t;
         last_blended[plane_index(view, 0u, x4, y + {r}u)] = last_{r};
     }

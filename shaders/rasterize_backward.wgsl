@@ -13,7 +13,8 @@
 @group(0) @binding(12) var<storage, read> tile_order: array<u32>;
 @group(0) @binding(3) var<storage, read> tile_pairs: array<vec2u>;
 @group(0) @binding(11) var<storage, read> pair_gaussian: array<u32>;
-@group(0) @binding(4) var<storage, read> rendered: array<vec4f>;
+// Written where lists are sliced alone.
+@group(0) @binding(4) var<storage, read_write> rendered: array<vec4f>;
 @group(0) @binding(5) var<storage, read> last_blended: array<vec4u>;
 // Planes d_r, d_g, d_b, d_alpha: gradient of the loss with respect to the render.
 @group(0) @binding(6) var<storage, read> d_rendered: array<vec4f>;
@@ -22,6 +23,8 @@
 @group(0) @binding(8) var<storage, read_write> d_pair_b: array<vec4f>;
 @group(0) @binding(9) var<storage, read_write> d_pair_c: array<f32>;
 @group(0) @binding(10) var<storage, read> totals: array<u32>;
+// x: first entry of the dispatch's slice of every list.
+@group(0) @binding(13) var<uniform> slice: vec4u;
 
 #import shared/tile
 
@@ -29,10 +32,23 @@ fn sum4(v: vec4f) -> f32 {
     return (v.x + v.y) + (v.z + v.w);
 }
 
+// All of every list, which has at most LIST_SLICE entries.
 @compute @workgroup_size(WORKGROUP)
 fn rasterize_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    carry_back((group.y * groups.x + group.x) * WORKGROUP + local, 0u, false);
+}
+
+// LIST_SLICE entries of every list, the last slice first. A tile whose list goes on in front
+// leaves its state in `rendered`: what is behind in plane 0, the transmittance in plane 3.
+@compute @workgroup_size(WORKGROUP)
+fn rasterize_backward_slice(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
+    carry_back((group.y * groups.x + group.x) * WORKGROUP + local, slice.x, true);
+}
+
+// `sliced` is known where the function is compiled: without slices nothing of them is left.
+fn carry_back(thread: u32, slice_first: u32, sliced: bool) {
     // Beyond the last block this reads another's entry or, held to the bounds, the last.
-    let tile = tile_order[(group.y * groups.x + group.x) * WORKGROUP + local];
+    let tile = tile_order[thread];
     if (tile >= view.size.z * view.size.w || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
@@ -66,13 +82,32 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgrou
     #end
 
     let range = tile_ranges[tile];
-    for (var i = range.x + n_blended; i < range.y; i++) {
+    var end = range.y;
+    // Entries blended in front of the slice, and in the slice and in front of it.
+    var n_before = 0u;
+    if (sliced) {
+        let length = range.y - range.x;
+        if (slice_first > 0u && slice_first >= length) {
+            return;
+        }
+        end = min(end, range.x + slice_first + LIST_SLICE);
+        n_before = slice_first;
+        n_blended = clamp(n_blended, n_before, end - range.x);
+        if (end < range.y) {
+            #repeat r TILE_H
+            behind_{r} = rendered[plane_index(view, 0u, x4, y + {r}u)];
+            #end
+        }
+    }
+    // bound: LIST_SLICE turns, and as many again below.
+    for (var i = range.x + n_blended; i < end; i++) {
         let pair = tile_pairs[i].y;
         d_pair_a[pair] = vec4f(0.0);
         d_pair_b[pair] = vec4f(0.0);
         d_pair_c[pair] = 0.0;
     }
-    for (var number = n_blended; number > 0u; number--) {
+    // bound: LIST_SLICE turns.
+    for (var number = n_blended; number > n_before; number--) {
         let pair = tile_pairs[range.x + number - 1u].y;
         let id = pair_gaussian[pair];
         let s0 = splats[3u * id];
@@ -122,5 +157,11 @@ fn rasterize_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgrou
         d_pair_a[pair] = vec4f(sum_v, sum_x, sum_y, sum4(sum_xx));
         d_pair_b[pair] = vec4f(sum_xy, sum_yy, sum4(sum_r), sum4(sum_g));
         d_pair_c[pair] = sum4(sum_b);
+    }
+    if (sliced && n_before > 0u && end > range.x) {
+        #repeat r TILE_H
+        rendered[plane_index(view, 0u, x4, y + {r}u)] = behind_{r};
+        rendered[plane_index(view, 3u, x4, y + {r}u)] = transmittance_{r};
+        #end
     }
 }

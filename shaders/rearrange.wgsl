@@ -31,6 +31,7 @@ fn rearrange_planes(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
     }
     let source = sources[id] & 0x7fffffffu;
     let is_new = sources[id] >= 0x80000000u;
+    // bound: planes of a block, at most 5.
     for (var plane = 0u; plane < rearrange.n_planes; plane++) {
         var value = old_planes[plane * rearrange.old_stride + source];
         if (rearrange.kind == GEOMETRY && plane == 0u) {

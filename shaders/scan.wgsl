@@ -44,6 +44,7 @@ fn four_counts(i: u32, n: u32) -> vec4u {
 fn chunk_sum(first: u32) -> u32 {
     let n = n_counts();
     var sum = 0u;
+    // bound: SCAN_CHUNK / 4 turns.
     for (var i = first; i < min(first + SCAN_CHUNK, n); i += 4u) {
         let c = four_counts(i, n);
         sum = saturating_add(sum, saturating_add(saturating_add(c.x, c.y), saturating_add(c.z, c.w)));
@@ -56,6 +57,7 @@ fn scan_workgroup(local: u32) -> u32 {
     workgroupBarrier();
     if (local == 0u) {
         var sum = 0u;
+        // bound: WORKGROUP turns.
         for (var i = 0u; i < WORKGROUP; i++) {
             let s = sums[i];
             sums[i] = sum;
@@ -71,6 +73,7 @@ fn scan_workgroup(local: u32) -> u32 {
 fn spread(first: u32, before: u32) {
     let n = n_counts();
     var sum = before;
+    // bound: SCAN_CHUNK / 4 turns.
     for (var i = first; i < min(first + SCAN_CHUNK, n); i += 4u) {
         let c = four_counts(i, n);
         let y = saturating_add(sum, c.x);
@@ -84,6 +87,7 @@ fn spread(first: u32, before: u32) {
 fn keep_total(total: u32) {
     totals[scan.total] = total;
     if (scan.capacity != 0u) {
+        totals[TOTAL_STEP] = scan.step;
         totals[TOTAL_MAX] = max(totals[TOTAL_MAX], total);
     }
     if (scan.capacity != 0u && total > scan.capacity && totals[TOTAL_OVERFLOW] == 0u) {
@@ -108,6 +112,7 @@ fn scan_spread(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gro
     let block = group.y * groups.x + group.x;
     let n_blocks = (n_counts() + BLOCK - 1u) / BLOCK;
     var sum = 0u;
+    // bound: n / (SCAN_CHUNK WORKGROUP^2) + 1 turns: 2^15 for 2^32 counts.
     for (var i = local; i < min(block, n_blocks); i += WORKGROUP) {
         sum = saturating_add(sum, block_sums[i]);
     }
@@ -126,6 +131,7 @@ fn scan_spread(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gro
 @compute @workgroup_size(WORKGROUP)
 fn scan_few(@builtin(local_invocation_index) local: u32) {
     var before = 0u;
+    // bound: SCAN_FEW turns.
     for (var block = 0u; block < SCAN_FEW; block++) {
         let first = block * BLOCK + local * SCAN_CHUNK;
         sums[local] = chunk_sum(first);

@@ -140,6 +140,7 @@ fn ssim_horizontal(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups)
     if (loss.masked != 0u) {
         keep_moments(NORM_PLANE, at, convolve_wide(m));
     }
+    // bound: 3 turns.
     for (var channel = 0u; channel < 3u; channel++) {
         var x: Wide;
         var y: Wide;
@@ -249,6 +250,7 @@ fn ssim_horizontal_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_wo
     if (!at.inside || at.y >= view.size.y) {
         return;
     }
+    // bound: 9 turns.
     for (var plane = 0u; plane < 9u; plane++) {
         var w: Wide;
         #repeat b 8

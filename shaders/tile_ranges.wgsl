@@ -2,7 +2,7 @@
 // Tiles without pairs keep the empty range that the buffer was cleared to.
 #import shared/view
 
-@group(0) @binding(0) var<storage, read> totals: array<u32>;
+@group(0) @binding(0) var<storage, read_write> totals: array<atomic<u32>>;
 // (tile, pair), sorted by tile, front to back within one.
 @group(0) @binding(1) var<storage, read> tile_pairs: array<vec2u>;
 @group(0) @binding(2) var<storage, read_write> tile_ranges: array<vec2u>;
@@ -15,8 +15,8 @@ const NO_TILE = 0xffffffffu;
 @compute @workgroup_size(WORKGROUP)
 fn find_tile_ranges(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
     let first = ((group.y * groups.x + group.x) * WORKGROUP + local) * RANGE_CHUNK;
-    let n = totals[TOTAL_PAIRS];
-    if (first >= n || totals[TOTAL_OVERFLOW] != 0u) {
+    let n = atomicLoad(&totals[TOTAL_PAIRS]);
+    if (first >= n || atomicLoad(&totals[TOTAL_OVERFLOW]) != 0u) {
         return;
     }
     let last = min(first + RANGE_CHUNK, n);
@@ -24,6 +24,7 @@ fn find_tile_ranges(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
     if (first > 0u) {
         before = tile_pairs[first - 1u].x;
     }
+    // bound: RANGE_CHUNK turns.
     for (var i = first; i < last; i++) {
         let tile = tile_pairs[i].x;
         if (tile != before) {
@@ -44,6 +45,8 @@ var<workgroup> lengths: array<u32, WORKGROUP>;
 // Orders the tiles of each block by the length of their lists, longest first, tiles outside the
 // image last: one workgroup a block. Threads that run in lockstep then have lists of about one
 // length, and few wait for another; blocks keep together what lies together in the image.
+//
+// A list longer than the step's slices cover stops the step, as pairs that do not fit do.
 @compute @workgroup_size(WORKGROUP)
 fn order_tiles(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
     let block = group.y * groups.x + group.x;
@@ -57,16 +60,24 @@ fn order_tiles(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gro
     var length = 0u;
     if (inside) {
         let range = tile_ranges[tile];
-        length = 1u + range.y - range.x;
+        // What ends before it begins, as a driver's fault may have it, is empty to the rasterizers.
+        length = 1u + max(range.x, range.y) - range.x;
     }
     lengths[local] = length;
     workgroupBarrier();
     var rank = 0u;
+    // bound: WORKGROUP turns.
     for (var i = 0u; i < WORKGROUP; i++) {
         let other = lengths[i];
         rank += select(0u, 1u, other > length || (other == length && i < local));
     }
     if (block < n_across * n_down) {
         tile_order[block * WORKGROUP + rank] = tile;
+    }
+    // The longest of the block; after an overflow all lists are empty.
+    if (rank == 0u && length > view.planes.w + 1u) {
+        atomicMax(&totals[TOTAL_LONGEST], length - 1u);
+        // All that are too long are of one step.
+        atomicStore(&totals[TOTAL_OVERFLOW], atomicLoad(&totals[TOTAL_STEP]));
     }
 }

@@ -99,8 +99,8 @@ fn alpha(inverse: u32) -> Variant {
 /// Every tile that the ellipse's bounding box meets.
 fn bounding_box() -> Variant {
     let edits = vec![
-        edit("bin", "clamp(y_right, min(y_0, y_1), y_1)", "y_right"),
-        edit("bin", "clamp(-y_right, min(y_0, y_1), y_1)", "-y_right"),
+        edit("bin", "clamp(o.y_right, min(y_0, y_1), y_1)", "o.y_right"),
+        edit("bin", "clamp(-o.y_right, min(y_0, y_1), y_1)", "-o.y_right"),
     ];
     Variant::new(TILES, "its bounding box", edits)
 }
@@ -118,13 +118,13 @@ fn square() -> Variant {
         edit("bin", "let half_height = sqrt(reach) * inv_yy;", radius),
         edit(
             "bin",
-            "let right = slope * dy_right + sqrt(max(reach - t_right * t_right, 0.0)) * inv_xx;",
-            "let right = half_height;",
+            "let right = o.slope * dy_right + sqrt(max(o.reach - t_right * t_right, 0.0)) * o.inv_xx;",
+            "let right = o.half_height;",
         ),
         edit(
             "bin",
-            "let left = slope * dy_left - sqrt(max(reach - t_left * t_left, 0.0)) * inv_xx;",
-            "let left = -half_height;",
+            "let left = o.slope * dy_left - sqrt(max(o.reach - t_left * t_left, 0.0)) * o.inv_xx;",
+            "let left = -o.half_height;",
         ),
     ];
     Variant::new(TILES, "3DGS's square of 3 sigma", edits)

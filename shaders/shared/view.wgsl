@@ -17,7 +17,8 @@ struct View {
     // Number of Gaussians, their stride in planar buffers; 2^32 times the probability of dropout,
     // its key.
     counts: vec4u,
-    // x: pixels a plane of the padded image / 4, y: vec4s a row, z: this view's slot in the step.
+    // x: pixels a plane of the padded image / 4, y: vec4s a row, z: this view's slot in the step,
+    // w: longest list of a tile that the step's slices cover.
     planes: vec4u,
     // A Gaussian's share of the dropout's probability: x + y distance + z density; w: 1 where the
     // others' opacity makes up for those left out.

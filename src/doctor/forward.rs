@@ -1,5 +1,7 @@
 //! The stages of the forward pass up to the sorted tile lists, each on what the one before left.
 
+use std::collections::HashSet;
+
 use super::finding::Findings;
 use super::rig::{Context, Rig};
 use super::stage;
@@ -264,7 +266,7 @@ fn hold_pairs(
         n_misplaced += own.windows(2).filter(|p| p[0][0] >= p[1][0]).count();
         let of_others = emitted.pair_gaussian[range].iter();
         n_misplaced += of_others.filter(|other| **other as usize != id).count();
-        let tiles: Vec<usize> = own.iter().map(|p| p[0] as usize).collect();
+        let tiles: HashSet<usize> = own.iter().map(|p| p[0] as usize).collect();
         n_lacking += needed[id].iter().filter(|t| !tiles.contains(t)).count();
         n_far += tiles
             .iter()

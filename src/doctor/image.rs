@@ -8,6 +8,7 @@ use crate::doctor::twin::model::{SplatGradient, TwinCamera, TwinGaussians, TwinS
 use crate::doctor::twin::{sh, tolerance};
 use crate::error::Result;
 use crate::gpu::Commands;
+use crate::gpu::constants::PAIR_BLOCK;
 use crate::render::Rendered;
 
 /// What a view is held against.
@@ -98,7 +99,9 @@ pub fn examine_backward(
     rig.pass(ctx).rasterize_backward(&mut commands);
     commands.submit();
     let ranges: Vec<[u32; 2]> = rig.read(ctx, "gaussian_pairs", rig.model.n)?;
-    let sums = pair_sums(ctx, rig, &ranges)?;
+    let n_pairs = ranges.iter().map(|r| r[1] as usize).max().unwrap_or(0);
+    let pairs = read_pairs(ctx, rig, n_pairs.min(rig.workspace.capacity.pairs))?;
+    let sums: Vec<SplatGradient> = ranges.iter().map(|range| sum_of(&pairs, range)).collect();
     let expected: Vec<SplatGradient> = twin
         .iter()
         .zip(splat_gradients)
@@ -119,31 +122,69 @@ pub fn examine_backward(
     }
 
     let mut commands = Commands::new(&ctx.gpu);
+    rig.pass(ctx).sum_pairs(&mut commands);
+    commands.submit();
+    let summed = read_pairs(ctx, rig, pairs.len())?;
+    let n_wrong = n_wrong_sums(&pairs, &summed, &ranges);
+    out.none((stage::SUM_PAIRS, "sums"), n_wrong);
+    let mut commands = Commands::new(&ctx.gpu);
     rig.pass(ctx).project_backward(&mut commands);
     commands.submit();
     hold_screen(ctx, rig, &ranges, (twin, splat_gradients), bound, out)?;
     rig.gradients(ctx)
 }
 
-/// Each Gaussian's sum over its pairs: `v, v t_x, v t_y, v t_x^2, v t_x t_y, v t_y^2, d_rgb`.
-fn pair_sums(ctx: &Context, rig: &Rig, ranges: &[[u32; 2]]) -> Result<Vec<SplatGradient>> {
-    let room = rig.workspace.capacity.pairs;
-    let n_pairs = ranges.iter().map(|r| r[1] as usize).max().unwrap_or(0);
-    let n_pairs = n_pairs.min(room);
+/// Each pair's sums: `v, v t_x, v t_y, v t_x^2, v t_x t_y, v t_y^2, d_rgb`.
+fn read_pairs(ctx: &Context, rig: &Rig, n_pairs: usize) -> Result<Vec<[f32; 9]>> {
     let a: Vec<[f32; 4]> = rig.read(ctx, "d_pair_a", n_pairs)?;
     let b: Vec<[f32; 4]> = rig.read(ctx, "d_pair_b", n_pairs)?;
     let c: Vec<f32> = rig.read(ctx, "d_pair_c", n_pairs)?;
-    let sum = |range: &[u32; 2]| {
-        let mut sum = [0.0; 9];
-        for pair in range[0] as usize..(range[1] as usize).min(n_pairs) {
-            let of_pair = a[pair].iter().chain(&b[pair]).chain([&c[pair]]);
-            sum.iter_mut()
-                .zip(of_pair)
-                .for_each(|(s, x)| *s += f64::from(*x));
-        }
-        sum
+    let pairs = a.iter().zip(&b).zip(&c);
+    let join = |((a, b), c): ((&[f32; 4], &[f32; 4]), &f32)| {
+        [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3], *c]
     };
-    Ok(ranges.iter().map(sum).collect())
+    Ok(pairs.map(join).collect())
+}
+
+/// The sum over a range of pairs.
+fn sum_of(pairs: &[[f32; 9]], [first, end]: &[u32; 2]) -> SplatGradient {
+    let end = (*end as usize).min(pairs.len());
+    let mut sum = [0.0; 9];
+    for pair in &pairs[(*first as usize).min(end)..end] {
+        sum.iter_mut()
+            .zip(pair)
+            .for_each(|(s, x)| *s += f64::from(*x));
+    }
+    sum
+}
+
+/// Entries of `summed` that are not what `pairs` add up to: the first pair of an aligned block that is
+/// one Gaussian's holds the block's sum, that of a block of such blocks theirs.
+fn n_wrong_sums(pairs: &[[f32; 9]], summed: &[[f32; 9]], ranges: &[[u32; 2]]) -> usize {
+    let mut n_summed = vec![1; pairs.len()];
+    for [first, end] in ranges {
+        for size in [PAIR_BLOCK, PAIR_BLOCK * PAIR_BLOCK] {
+            let mut block = first.next_multiple_of(size);
+            while block + size <= *end && (block + size) as usize <= pairs.len() {
+                n_summed[block as usize] = size;
+                block += size;
+            }
+        }
+    }
+    let is_wrong = |i: &usize| {
+        let block = &pairs[*i..*i + n_summed[*i] as usize];
+        (0..9).any(|c| {
+            let (mut sum, mut size) = (0.0, 0.0);
+            for pair in block {
+                sum += f64::from(pair[c]);
+                size += f64::from(pair[c]).abs();
+            }
+            // A NaN is wrong, too.
+            let error = (f64::from(summed[*i][c]) - sum).abs();
+            !(error <= tolerance::GPU_PAIR_SUM * size)
+        })
+    };
+    (0..pairs.len()).filter(is_wrong).count()
 }
 
 /// The reference's gradient to a splat in the terms of [`pair_sums`]: `v` is the gradient of the

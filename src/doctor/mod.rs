@@ -86,6 +86,9 @@ pub fn examine(gpu: Gpu) -> Result<Report> {
     let ctx = Context::new(gpu)?;
     let config = Config::preset("paper")?;
     let mut findings = examine_kernels(&ctx)?;
+    for case in view::large_cases() {
+        findings.extend(view::examine(&ctx, &case)?.0.list);
+    }
     let timed = view::timed_case();
     findings.extend(view::examine(&ctx, &timed)?.0.list);
     let mut timings = timing::time_view(&ctx, &timed)?;

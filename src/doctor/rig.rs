@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3, Vec3};
 use crate::camera::Camera;
 use crate::doctor::twin::dropout::TwinDropout;
 use crate::doctor::twin::model::{TwinCamera, TwinGaussians};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gaussians::Gaussians;
 use crate::gpu::shader::{self, Sources};
 use crate::gpu::{Buffer, Commands, Gpu};
@@ -167,16 +167,8 @@ impl Rig {
             self.pass(ctx).forward(&mut commands);
             commands.submit();
             let totals = read_totals(&ctx.gpu, &self.workspace)?;
-            if totals.overflow_step == 0 {
+            let Some(capacity) = totals.room(&ctx.gpu, self.workspace.capacity)? else {
                 return self.read_rendered(ctx);
-            }
-            if totals.max <= self.workspace.capacity.pairs {
-                let what = "the scan reports an overflow and a count that fits";
-                return Err(Error::new(what).at(&ctx.gpu.info.name));
-            }
-            let capacity = Capacity {
-                pairs: totals.max,
-                ..self.workspace.capacity
             };
             self.workspace = Workspace::new(&ctx.gpu, capacity, true)?;
             self.bound = Bound::new(&ctx.gpu, &ctx.kernels, &self.workspace, &self.model);

@@ -12,6 +12,7 @@ pub const RASTERIZE: &str = "rasterize";
 pub const LOSS: &str = "L1 + SSIM";
 pub const MASKED_LOSS: &str = "L1 + SSIM, masked";
 pub const RASTERIZE_BACKWARD: &str = "rasterize_backward";
+pub const SUM_PAIRS: &str = "sum_pairs";
 pub const PROJECT_BACKWARD: &str = "project_backward";
 pub const POSE_BACKWARD: &str = "pose_backward";
 pub const ADAM: &str = "Adam";
@@ -21,7 +22,7 @@ pub const FIELD: &str = "field, on the CPU";
 pub const POINT_SPLAT: &str = "point splat, on the CPU";
 
 /// Every stage.
-pub const ALL: [&str; 18] = [
+pub const ALL: [&str; 19] = [
     PROJECT,
     DEPTH_KEYS,
     SCAN,
@@ -33,6 +34,7 @@ pub const ALL: [&str; 18] = [
     LOSS,
     MASKED_LOSS,
     RASTERIZE_BACKWARD,
+    SUM_PAIRS,
     PROJECT_BACKWARD,
     POSE_BACKWARD,
     ADAM,

@@ -105,7 +105,7 @@ type Step = (&'static str, fn(&Pass<'_>, &mut Commands<'_>));
 
 /// The stages of a view. The sort by tile stands for both sorts, counting and emitting pairs are
 /// one stage.
-const STEPS: [Step; 12] = [
+const STEPS: [Step; 13] = [
     (stage::PROJECT, |pass, commands| pass.project(commands)),
     (stage::DEPTH_KEYS, |pass, commands| {
         pass.depth_keys(commands)
@@ -127,6 +127,7 @@ const STEPS: [Step; 12] = [
     (stage::RASTERIZE_BACKWARD, |pass, commands| {
         pass.rasterize_backward(commands)
     }),
+    (stage::SUM_PAIRS, |pass, commands| pass.sum_pairs(commands)),
     (stage::PROJECT_BACKWARD, |pass, commands| {
         pass.project_backward(commands)
     }),
@@ -173,6 +174,7 @@ pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<Vec<Timing>> {
         (stage::TILE_ORDER, rig.view.n_tiles(), "tiles"),
         (stage::RASTERIZE, n_pairs, "pairs"),
         (stage::RASTERIZE_BACKWARD, n_pairs, "pairs"),
+        (stage::SUM_PAIRS, n_pairs, "pairs"),
         (stage::PROJECT_BACKWARD, n, "Gaussians"),
         (stage::POSE_BACKWARD, n, "Gaussians"),
     ]

@@ -5,10 +5,12 @@ use super::forward::{self, ListLengths};
 use super::image::{self, Truth};
 use super::pose;
 use super::rig::{Context, Rig};
-use crate::doctor::twin::cases::{TwinCase, huge, layers, loss_weights, needles, random_scene};
+use crate::doctor::twin::cases::{
+    TwinCase, cover, crowd, huge, layers, loss_weights, needles, random_scene,
+};
 use crate::doctor::twin::dropout::{TwinDropout, TwinGuide};
 use crate::doctor::twin::model::{TwinCamera, TwinGaussians};
-use crate::doctor::twin::raster::{backward, render};
+use crate::doctor::twin::raster::{TwinRender, backward, render};
 use crate::doctor::twin::tolerance;
 use crate::error::Result;
 use crate::gpu::Commands;
@@ -47,6 +49,38 @@ pub struct ViewCase {
     pub gaussians: TwinGaussians,
     pub camera: TwinCamera,
     pub bounds: Bounds,
+    pub residual: Residual,
+}
+
+/// The gradient of the loss with respect to the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Residual {
+    /// Another at every pixel.
+    Random,
+    /// One for all pixels: nothing cancels, and a sum over many of them has to be as good as one
+    /// over few.
+    Constant,
+}
+
+impl Residual {
+    /// `(d_rgb, d_alpha)`, 0 at fragile pixels.
+    pub fn weights(self, render: &TwinRender) -> (Vec<f64>, Vec<f64>) {
+        if self == Residual::Random {
+            return loss_weights(render, 17);
+        }
+        let weights = |fragile: &bool| {
+            if *fragile {
+                [0.0; 4]
+            } else {
+                [0.5, -0.75, 1.0, 0.25]
+            }
+        };
+        let weights: Vec<[f64; 4]> = render.fragile.iter().map(weights).collect();
+        (
+            weights.iter().flat_map(|w| [w[0], w[1], w[2]]).collect(),
+            weights.iter().map(|w| w[3]).collect(),
+        )
+    }
 }
 
 impl ViewCase {
@@ -63,6 +97,7 @@ impl ViewCase {
             gaussians: case.gaussians.clone(),
             camera: case.cameras[index].resized(width, height),
             bounds,
+            residual: Residual::Random,
         }
     }
 }
@@ -122,6 +157,18 @@ pub fn small_cases() -> Vec<ViewCase> {
     ]
 }
 
+/// More than a loop may take on some drivers: a splat over 76,800 tiles, 100,000 splats in a tile.
+pub fn large_cases() -> Vec<ViewCase> {
+    let crowd = crowd(100_000, 10, |_, random| random.uniform(0.0, 1.0) < 0.72);
+    vec![
+        ViewCase {
+            residual: Residual::Constant,
+            ..ViewCase::new("one splat", &cover(), 0, (1920, 1280), ORDINARY)
+        },
+        ViewCase::new("100,000 splats", &crowd, 0, (4, 8), ORDINARY),
+    ]
+}
+
 /// Holds every stage of a view, forward and back, against the reference.
 ///
 /// # Errors
@@ -134,7 +181,7 @@ pub fn examine(ctx: &Context, case: &ViewCase) -> Result<(Findings, ListLengths)
         ..
     } = case;
     let twin = render(gaussians, camera);
-    let (d_rgb, d_alpha) = loss_weights(&twin, 17);
+    let (d_rgb, d_alpha) = case.residual.weights(&twin);
     let gradients = backward(gaussians, camera, &twin, &d_rgb, &d_alpha);
     let truth = Truth {
         rgb: &twin.rgb,

@@ -3,7 +3,7 @@
 
 use crate::camera::{Camera, Frame};
 use crate::config::Config;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gaussians::Gaussians;
 use crate::gpu::{Commands, Gpu};
 use crate::render::{
@@ -120,20 +120,14 @@ impl Fit<'_> {
             pass.pose_backward(&mut commands, &self.pose_kernels, &room.pose);
             commands.submit();
             let totals = read_totals(gpu, &room.workspace)?;
-            if totals.overflow_step == 0 {
+            let Some(more) = totals.room(gpu, room.workspace.capacity)? else {
                 let losses = room.workspace.read_losses(gpu)?;
                 let [l1, ssim] = losses.first().copied().unwrap_or_default();
                 let gradient = room.pose.read(gpu)?;
                 self.room = Some(room);
                 return Ok(((1.0 - w) * l1 + w * (1.0 - ssim), gradient));
-            }
-            if totals.pairs == u32::MAX as usize {
-                return Err(
-                    Error::new("a view has more than 2^32 (tile, Gaussian) pairs")
-                        .way_out("the Gaussians are too large for this view"),
-                );
-            }
-            needed.pairs = totals.pairs + totals.pairs / 4;
+            };
+            needed = more;
             self.room = Some(room);
         }
     }

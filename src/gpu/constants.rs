@@ -20,15 +20,39 @@ pub const RADIX_BITS: u32 = 4;
 pub const DEPTH_BITS: u32 = 30;
 /// Sorted pairs a thread looks through for where tiles begin and end.
 pub const RANGE_CHUNK: u32 = 16;
+/// Pairs that a thread emits.
+pub const EMIT_CHUNK: u32 = 16;
+/// Pairs of one Gaussian that are summed to one before their Gaussian adds them up, and such sums
+/// again.
+pub const PAIR_BLOCK: u32 = 32;
+/// Entries of a tile's list that a rasterizer takes in one dispatch; longer lists are sliced.
+pub const LIST_SLICE: u32 = 32_000;
+/// Turns that all loops of an invocation may take together: Mesa's CPU driver ends them then, in
+/// silence (`LP_MAX_TGSI_LOOP_ITERATIONS`). A loop takes one more than its bound says, to find its
+/// end, and a loop within it takes the most of any thread that runs in lockstep.
+pub const LOOP_TURNS: u32 = 65_535;
+/// Rows of tiles of the tallest image: a thread that emits walks them for each of its splats, two
+/// turns a row, after a search of 32 and 32.
+pub const MOST_TILE_ROWS: u32 = 2000;
+/// Threads in lockstep there may be on a driver that counts turns.
+const LOCKSTEP: u32 = 16;
+const _: () = assert!(
+    EMIT_CHUNK * (2 * MOST_TILE_ROWS + 68) + LOCKSTEP * EMIT_CHUNK < LOOP_TURNS,
+    "emission ends"
+);
+const _: () = assert!(2 * LIST_SLICE + 2 < LOOP_TURNS, "a slice's two loops end");
 /// Rows a thread of SSIM's vertical passes covers.
 pub const SSIM_ROWS: u32 = 8;
 /// Slots of the `totals` buffer: pairs of the current view, entries of the current radix sort,
-/// number of the first step whose pairs did not fit (0: none), most pairs of any view seen.
+/// number of the first step whose pairs or lists did not fit (0: none), most pairs of any view seen,
+/// the longest list of those that were too long, the current step's number.
 pub const TOTAL_PAIRS: u32 = 0;
 pub const TOTAL_DIGITS: u32 = 1;
 pub const TOTAL_OVERFLOW: u32 = 2;
 pub const TOTAL_MAX: u32 = 3;
-pub const N_TOTALS: u32 = 4;
+pub const TOTAL_LONGEST: u32 = 4;
+pub const TOTAL_STEP: u32 = 5;
+pub const N_TOTALS: u32 = 6;
 
 /// Low-pass filter added to the 2D covariance's diagonal, square pixels (3DGS).
 pub const DILATION: f64 = 0.3;
@@ -77,10 +101,15 @@ pub fn prelude(sh_degree: u32) -> String {
         ("RADIX_CHUNK", RADIX_CHUNK),
         ("RANGE_CHUNK", RANGE_CHUNK),
         ("RADIX_BITS", RADIX_BITS),
+        ("EMIT_CHUNK", EMIT_CHUNK),
+        ("PAIR_BLOCK", PAIR_BLOCK),
+        ("LIST_SLICE", LIST_SLICE),
         ("SSIM_ROWS", SSIM_ROWS),
         ("TOTAL_PAIRS", TOTAL_PAIRS),
         ("TOTAL_OVERFLOW", TOTAL_OVERFLOW),
         ("TOTAL_MAX", TOTAL_MAX),
+        ("TOTAL_LONGEST", TOTAL_LONGEST),
+        ("TOTAL_STEP", TOTAL_STEP),
     ] {
         let _ = writeln!(out, "const {name} = {value}u;");
     }

@@ -33,6 +33,7 @@ pub const STAGES: &[(&str, &str)] = sources![
     "ssim",
     "loss_sum",
     "rasterize_backward",
+    "sum_pairs",
     "project_backward",
     "pose_backward",
     "adam",

@@ -18,11 +18,15 @@ pub struct Kernels {
     pub(super) scan_few: Kernel,
     pub(super) find_tile_ranges: Kernel,
     pub(super) order_tiles: Kernel,
-    pub(super) rasterize: Kernel,
+    /// Whole lists, and slices of them.
+    pub(super) rasterize: [Kernel; 2],
     pub(super) ssim: [Kernel; 4],
     pub(super) loss_blocks: Kernel,
     pub(super) loss_total: Kernel,
-    pub(super) rasterize_backward: Kernel,
+    /// Whole lists, and slices of them.
+    pub(super) rasterize_backward: [Kernel; 2],
+    /// Pairs, then blocks of them.
+    pub(super) sum_pairs: [Kernel; 2],
     pub(super) project_backward: [Kernel; 4],
 }
 
@@ -39,10 +43,22 @@ impl Kernels {
             |name: &'static str| by_degree(|degree| stage(name, degree).kernel(gpu, name));
         let ((project, project_backward), (rasterize, rasterize_backward)) = rayon::join(
             || rayon::join(|| by_degree("project"), || by_degree("project_backward")),
-            || rayon::join(|| kernel("rasterize"), || kernel("rasterize_backward")),
+            || {
+                let both = |name: &str, entries: [&'static str; 2]| {
+                    let stage = stage(name, 0);
+                    entries.map(|entry| stage.kernel(gpu, entry))
+                };
+                rayon::join(
+                    || both("rasterize", ["rasterize", "rasterize_slice"]),
+                    || {
+                        let entries = ["rasterize_backward", "rasterize_backward_slice"];
+                        both("rasterize_backward", entries)
+                    },
+                )
+            },
         );
         let (ssim, scan) = rayon::join(|| stage("ssim", 0), || stage("scan", 0));
-        let tile_ranges = stage("tile_ranges", 0);
+        let (tile_ranges, sum_pairs) = (stage("tile_ranges", 0), stage("sum_pairs", 0));
         let (radix, loss) = rayon::join(|| stage("radix", 0), || stage("loss_sum", 0));
         Kernels {
             project,
@@ -66,6 +82,7 @@ impl Kernels {
             loss_blocks: loss.kernel(gpu, "loss_blocks"),
             loss_total: loss.kernel(gpu, "loss_total"),
             rasterize_backward,
+            sum_pairs: ["sum_pairs", "sum_pair_blocks"].map(|entry| sum_pairs.kernel(gpu, entry)),
             project_backward,
         }
     }
@@ -88,7 +105,7 @@ pub(super) struct Groups {
     pub(super) scan_pairs: ScanGroups,
     pub(super) find_tile_ranges: wgpu::BindGroup,
     pub(super) order_tiles: wgpu::BindGroup,
-    pub(super) rasterize: wgpu::BindGroup,
+    pub(super) rasterize: RasterGroups,
     pub(super) backward: Option<BackwardGroups>,
 }
 
@@ -107,8 +124,15 @@ pub(super) struct ScanGroups {
 pub(super) struct BackwardGroups {
     pub(super) ssim: [wgpu::BindGroup; 4],
     pub(super) loss_sum: [wgpu::BindGroup; 2],
-    pub(super) rasterize: wgpu::BindGroup,
+    pub(super) rasterize: RasterGroups,
+    pub(super) sum_pairs: [wgpu::BindGroup; 2],
     pub(super) project: [wgpu::BindGroup; 4],
+}
+
+/// Of a rasterizer: for whole lists, or one for each slice of them.
+pub(super) enum RasterGroups {
+    Whole(wgpu::BindGroup),
+    Slices(Vec<wgpu::BindGroup>),
 }
 
 impl Bound {
@@ -152,6 +176,13 @@ impl Groups {
             };
             passes.iter().enumerate().map(pass).collect()
         };
+        let raster = |[whole, slice]: &[Kernel; 2]| {
+            if space.slices.is_empty() {
+                return RasterGroups::Whole(with(&[], whole));
+            }
+            let slices = space.slices.iter();
+            RasterGroups::Slices(slices.map(|at| with(&[("slice", at)], slice)).collect())
+        };
         let uniforms = &space.slots[slot];
         Groups {
             project: kernels.project.each_ref().map(|k| with(&[], k)),
@@ -165,11 +196,12 @@ impl Groups {
             scan_pairs: scan(&space.slots[slot].scan_pairs, &space.splat_pairs),
             find_tile_ranges: with(&[], &kernels.find_tile_ranges),
             order_tiles: with(&[], &kernels.order_tiles),
-            rasterize: with(&[], &kernels.rasterize),
+            rasterize: raster(&kernels.rasterize),
             backward: space.backward.as_ref().map(|_| BackwardGroups {
                 ssim: [0, 1, 2, 3].map(|i| with(&[], &kernels.ssim[i])),
                 loss_sum: [&kernels.loss_blocks, &kernels.loss_total].map(|k| with(&[], k)),
-                rasterize: with(&[], &kernels.rasterize_backward),
+                rasterize: raster(&kernels.rasterize_backward),
+                sum_pairs: kernels.sum_pairs.each_ref().map(|k| with(&[], k)),
                 project: kernels.project_backward.each_ref().map(|k| with(&[], k)),
             }),
         }

@@ -1,9 +1,10 @@
 //! What the buffers will take, before there are any.
 
+use super::capacity::Capacity;
 use super::model::{BLOCK_PLANES, n_blocks};
 use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use super::workspace::{
-    Capacity, N_DEPTH_PASSES, n_digits, n_pair_passes, n_partials, n_scan_blocks,
+    N_DEPTH_PASSES, n_digits, n_pair_passes, n_partials, n_scan_blocks, n_slices,
 };
 use crate::gpu::constants::N_TOTALS;
 use crate::gpu::{Buffer, Gpu};
@@ -59,6 +60,8 @@ impl WorkspaceBytes {
             stride,
             pairs,
             tiles,
+            tile_rows: _,
+            slices: _,
             tile_slots,
             plane,
         } = capacity;
@@ -79,7 +82,7 @@ impl WorkspaceBytes {
                 + two_words(2),
             pair_gradients: 2 * vectors(pairs) + words(pairs),
             gradients: vectors(3 * stride) + vectors(2 * stride) + two_words(stride),
-            uniforms: uniform_bytes(tiles),
+            uniforms: uniform_bytes(capacity),
         }
     }
 
@@ -99,14 +102,14 @@ impl WorkspaceBytes {
     }
 }
 
-fn uniform_bytes(tiles: usize) -> u64 {
+fn uniform_bytes(capacity: Capacity) -> u64 {
     let radix = size_of::<RadixUniform>();
     let slot = size_of::<ViewUniform>()
         + size_of::<LossUniform>()
         + 3 * size_of::<ScanUniform>()
         + N_DEPTH_PASSES as usize * radix;
-    let passes = n_pair_passes(tiles) as usize * radix;
-    let modes = 2 * size_of::<[u32; 4]>();
+    let passes = n_pair_passes(capacity.tiles) as usize * radix;
+    let modes = (2 + n_slices(capacity)) * size_of::<[u32; 4]>();
     (2 * slot + passes + modes) as u64 + words(N_TOTALS as usize)
 }
 

@@ -1,12 +1,13 @@
 //! The dispatches of one view: forward, loss, backward.
 
-use super::kernels::{Bound, Groups, Kernels, RadixGroups, ScanGroups};
+use super::kernels::{Bound, Groups, Kernels, RadixGroups, RasterGroups, ScanGroups};
 use super::model::Model;
 use super::pose::{PoseGradient, PoseKernels};
 use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use super::workspace::{Workspace, n_chunks, n_partials};
 use crate::gpu::constants::{
-    RADIX_BITS, RANGE_CHUNK, SCAN_CHUNK, SCAN_FEW, TOTAL_DIGITS, TOTAL_PAIRS, WORKGROUP,
+    EMIT_CHUNK, PAIR_BLOCK, RADIX_BITS, RANGE_CHUNK, SCAN_CHUNK, SCAN_FEW, TOTAL_DIGITS,
+    TOTAL_PAIRS, WORKGROUP,
 };
 use crate::gpu::{Commands, Gpu, shader_count};
 
@@ -38,6 +39,7 @@ impl<'a> Pass<'a> {
         view.counts[0] = n;
         view.counts[1] = shader_count(model.stride);
         view.planes[2] = slot as u32;
+        view.planes[3] = shader_count(capacity.longest_list());
         let uniforms = &workspace.slots[slot];
         uniforms.view.write(gpu, &[view]);
         let scan = |n, total, capacity| ScanUniform {
@@ -119,7 +121,8 @@ impl<'a> Pass<'a> {
 
     /// Fills `pairs`, `pair_gaussian` and `gaussian_pairs`.
     pub fn emit_pairs(&self, commands: &mut Commands<'_>) {
-        commands.dispatch(&self.kernels.bin, &self.groups().bin_emit, self.n());
+        let threads = self.room().div_ceil(u64::from(EMIT_CHUNK)).max(self.n());
+        commands.dispatch(&self.kernels.bin, &self.groups().bin_emit, threads);
     }
 
     /// Sorts `pairs` into `tile_pairs`.
@@ -138,7 +141,7 @@ impl<'a> Pass<'a> {
         commands.dispatch(kernel, group, threads);
     }
 
-    /// Fills `tile_order`.
+    /// Fills `tile_order`; a list too long for the slices there are is an overflow.
     pub fn order_tiles(&self, commands: &mut Commands<'_>) {
         let (kernel, group) = (&self.kernels.order_tiles, &self.groups().order_tiles);
         commands.dispatch(kernel, group, self.view.n_tile_slots() as u64);
@@ -146,11 +149,14 @@ impl<'a> Pass<'a> {
 
     /// Fills `rendered`.
     pub fn rasterize(&self, commands: &mut Commands<'_>) {
-        commands.dispatch(
-            &self.kernels.rasterize,
-            &self.groups().rasterize,
-            self.view.n_tile_slots() as u64,
-        );
+        let threads = self.view.n_tile_slots() as u64;
+        let [whole, slice] = &self.kernels.rasterize;
+        match &self.groups().rasterize {
+            RasterGroups::Whole(group) => commands.dispatch(whole, group, threads),
+            RasterGroups::Slices(groups) => groups
+                .iter()
+                .for_each(|group| commands.dispatch(slice, group, threads)),
+        }
     }
 
     fn groups(&self) -> &Groups {
@@ -216,6 +222,7 @@ impl<'a> Pass<'a> {
     /// Carries `d_rendered` back to `d_geometry` and `d_color`.
     pub fn backward(&self, commands: &mut Commands<'_>) {
         self.rasterize_backward(commands);
+        self.sum_pairs(commands);
         self.project_backward(commands);
     }
 
@@ -224,11 +231,28 @@ impl<'a> Pass<'a> {
         let Some(groups) = &self.groups().backward else {
             return;
         };
-        commands.dispatch(
-            &self.kernels.rasterize_backward,
-            &groups.rasterize,
-            self.view.n_tile_slots() as u64,
-        );
+        let threads = self.view.n_tile_slots() as u64;
+        let [whole, slice] = &self.kernels.rasterize_backward;
+        match &groups.rasterize {
+            RasterGroups::Whole(group) => commands.dispatch(whole, group, threads),
+            // What is behind comes first.
+            RasterGroups::Slices(groups) => groups
+                .iter()
+                .rev()
+                .for_each(|group| commands.dispatch(slice, group, threads)),
+        }
+    }
+
+    /// Sums the pairs' gradients where whole blocks are one Gaussian's.
+    pub fn sum_pairs(&self, commands: &mut Commands<'_>) {
+        let Some(groups) = &self.groups().backward else {
+            return;
+        };
+        let mut n = self.room();
+        for (kernel, group) in self.kernels.sum_pairs.iter().zip(&groups.sum_pairs) {
+            n /= u64::from(PAIR_BLOCK);
+            commands.dispatch(kernel, group, n);
+        }
     }
 
     /// Carries the pairs' gradients back to `d_geometry` and `d_color`.
@@ -239,6 +263,7 @@ impl<'a> Pass<'a> {
         let (kernels, degree) = (&self.kernels.project_backward, self.sh_degree);
         commands.dispatch(&kernels[degree], &groups.project[degree], self.n());
     }
+
     /// The gradient with respect to the camera's pose, after [`Pass::backward`] of the step's first
     /// view and before that of its second.
     pub fn pose_backward(

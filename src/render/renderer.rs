@@ -1,11 +1,13 @@
 //! Renders single views and reads them back: evaluation, `render`, tests.
 
+use super::capacity::Capacity;
 use super::kernels::{Bound, Kernels};
 use super::model::Model;
 use super::pass::Pass;
+use super::room::read_totals;
 use super::uniforms::ViewUniform;
-use super::workspace::{Capacity, Workspace, read_totals};
-use crate::error::{Error, Result};
+use super::workspace::Workspace;
+use crate::error::Result;
 use crate::gpu::{Buffer, Commands, Gpu};
 
 /// A rendered view, row 0 on top, values unclamped.
@@ -69,18 +71,12 @@ impl<'a> Renderer<'a> {
             pass.forward(&mut commands);
             commands.submit();
             let totals = read_totals(self.gpu, &workspace)?;
-            if totals.overflow_step == 0 {
+            let Some(room) = totals.room(self.gpu, workspace.capacity)? else {
                 let image = read_rendered(self.gpu, &workspace.rendered, view)?;
                 self.workspace = Some(workspace);
                 return Ok(image);
-            }
-            if totals.pairs == u32::MAX as usize {
-                return Err(
-                    Error::new("a view has more than 2^32 (tile, Gaussian) pairs")
-                        .way_out("the Gaussians are too large for this view; render it smaller"),
-                );
-            }
-            needed.pairs = totals.pairs.next_multiple_of(1024);
+            };
+            needed = room;
             self.workspace = Some(workspace);
         }
     }

@@ -1,62 +1,20 @@
 //! The buffers of one view in flight.
 
+use super::capacity::{Capacity, check_loops};
 use super::model::Model;
 use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use crate::error::Result;
 use crate::gpu::constants::{
-    DEPTH_BITS, N_TOTALS, RADIX_BITS, RADIX_CHUNK, SCAN_CHUNK, SSIM_ROWS, TOTAL_MAX,
-    TOTAL_OVERFLOW, TOTAL_PAIRS, WORKGROUP,
+    DEPTH_BITS, LIST_SLICE, N_TOTALS, RADIX_BITS, RADIX_CHUNK, SCAN_CHUNK, SSIM_ROWS, WORKGROUP,
 };
 use crate::gpu::{Buffer, Gpu, shader_count};
-
-/// What a workspace has room for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Capacity {
-    /// Gaussians.
-    pub stride: usize,
-    /// (tile, Gaussian) pairs of one view.
-    pub pairs: usize,
-    pub tiles: usize,
-    /// Entries of the tiles' order.
-    pub tile_slots: usize,
-    /// `vec4f`s of one padded plane.
-    pub plane: usize,
-}
-
-impl Capacity {
-    /// Room for images of every view in `views`.
-    pub fn new(stride: usize, pairs: usize, views: &[ViewUniform]) -> Capacity {
-        let largest = |size: fn(&ViewUniform) -> usize| views.iter().map(size).max().unwrap_or(1);
-        Capacity {
-            stride,
-            pairs,
-            tiles: largest(ViewUniform::n_tiles),
-            tile_slots: largest(ViewUniform::n_tile_slots),
-            plane: largest(ViewUniform::plane_len),
-        }
-    }
-
-    /// The larger of both in every respect.
-    pub fn union(&self, other: &Capacity) -> Capacity {
-        Capacity {
-            stride: self.stride.max(other.stride),
-            pairs: self.pairs.max(other.pairs),
-            tiles: self.tiles.max(other.tiles),
-            tile_slots: self.tile_slots.max(other.tile_slots),
-            plane: self.plane.max(other.plane),
-        }
-    }
-
-    /// Whether `other` fits.
-    pub fn holds(&self, other: &Capacity) -> bool {
-        self.union(other) == *self
-    }
-}
 
 /// The buffers of one view in flight, shared by a step's views, one after the other.
 pub struct Workspace {
     pub capacity: Capacity,
     pub(super) slots: [Slot; 2],
+    /// Where each slice of the lists begins, where they are sliced.
+    pub(super) slices: Vec<Buffer>,
     pub(super) count: Buffer,
     pub(super) emit: Buffer,
     pub totals: Buffer,
@@ -76,6 +34,7 @@ pub struct Workspace {
     pub tile_ranges: Buffer,
     pub tile_order: Buffer,
     pub pair_gaussian: Buffer,
+    /// The image until the backward, which in slices keeps its own state here.
     pub rendered: Buffer,
     pub(super) last_blended: Buffer,
     pub backward: Option<Backward>,
@@ -113,12 +72,15 @@ impl Workspace {
     /// Allocates; with `training`, for the backward too.
     ///
     /// # Errors
-    /// A buffer that the adapter cannot bind.
+    /// A buffer that the adapter cannot bind, or an image too large for the kernels' loops.
     pub fn new(gpu: &Gpu, capacity: Capacity, training: bool) -> Result<Workspace> {
+        check_loops(&capacity)?;
         let Capacity {
             stride,
             pairs,
             tiles,
+            tile_rows: _,
+            slices: _,
             tile_slots,
             plane,
         } = capacity;
@@ -140,6 +102,12 @@ impl Workspace {
         Ok(Workspace {
             capacity,
             slots: [slot(), slot()],
+            slices: (0..n_slices(capacity))
+                .map(|i| {
+                    let first = shader_count(i) * LIST_SLICE;
+                    Buffer::uniform_from(gpu, "slice", &[first, 0, 0, 0])
+                })
+                .collect(),
             count: Buffer::uniform_from(gpu, "count", &[0_u32; 4]),
             emit: Buffer::uniform_from(gpu, "emit", &[1_u32, 0, 0, 0]),
             totals: Buffer::storage::<u32>(gpu, "totals", N_TOTALS as usize)?,
@@ -303,6 +271,15 @@ pub(super) fn n_scan_blocks(capacity: Capacity) -> usize {
     most.div_ceil((SCAN_CHUNK * WORKGROUP) as usize)
 }
 
+/// Slices of the lists, none where they are not sliced.
+pub(super) fn n_slices(capacity: Capacity) -> usize {
+    if capacity.slices > 1 {
+        capacity.slices
+    } else {
+        0
+    }
+}
+
 /// Passes of the depth sort.
 pub(super) const N_DEPTH_PASSES: u32 = DEPTH_BITS.div_ceil(RADIX_BITS);
 const _: () = assert!(
@@ -324,25 +301,4 @@ pub(super) fn n_chunks(n: usize) -> usize {
 /// Threads of SSIM's vertical passes over a padded image of `plane` vectors.
 pub(super) fn n_partials(plane: usize) -> usize {
     3 * plane / SSIM_ROWS as usize
-}
-
-/// Reads the counts that the GPU keeps.
-pub fn read_totals(gpu: &Gpu, workspace: &Workspace) -> Result<Totals> {
-    let totals: Vec<u32> = workspace.totals.read(gpu, N_TOTALS as usize)?;
-    Ok(Totals {
-        pairs: totals[TOTAL_PAIRS as usize] as usize,
-        max: totals[TOTAL_MAX as usize] as usize,
-        overflow_step: totals[TOTAL_OVERFLOW as usize],
-    })
-}
-
-/// Counts of (tile, Gaussian) pairs.
-#[derive(Clone, Copy, Debug)]
-pub struct Totals {
-    /// Pairs of the last view.
-    pub pairs: usize,
-    /// Most pairs of any view since the workspace was made.
-    pub max: usize,
-    /// Number of the first step whose pairs did not fit; 0: none.
-    pub overflow_step: u32,
 }

@@ -16,8 +16,7 @@ use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
 use crate::gpu::{Commands, Gpu, Profile};
 use crate::render::{
-    Bound, Capacity, Kernels, LossUniform, Model, Pass, ViewUniform, Workspace, most_pairs,
-    read_totals,
+    Bound, Capacity, Kernels, LossUniform, Model, Pass, ViewUniform, Workspace, read_totals,
 };
 
 /// Iterations between two looks at the GPU: a loss sample, the overflow flag, the progress.
@@ -151,7 +150,7 @@ impl<'a> Trainer<'a> {
     /// # Errors
     /// A request that the adapter cannot hold.
     pub fn reserve_pairs(&mut self, pairs: usize) -> Result<()> {
-        self.grow(pairs)
+        self.grow(self.workspace.capacity.with_pairs(self.gpu, pairs))
     }
 
     /// All iterations that are left, from the first or from where the run was restored.
@@ -271,17 +270,17 @@ impl<'a> Trainer<'a> {
         (real, virtual_view)
     }
 
-    /// Grows the buffers if the pairs of a step did not fit, and returns that step's iteration
+    /// Grows the buffers if the pairs of a step or a tile's list did not fit, and returns that step's iteration
     /// (from 0): nothing has changed since, so that it and those after it are to be taken again.
     ///
     /// # Errors
     /// More pairs than the adapter can bind, or a GPU fault.
     pub fn make_room(&mut self) -> Result<Option<u32>> {
         let totals = read_totals(self.gpu, &self.workspace)?;
-        if totals.overflow_step == 0 {
+        let Some(room) = totals.room(self.gpu, self.workspace.capacity)? else {
             return Ok(None);
-        }
-        self.grow(totals.max)?;
+        };
+        self.grow(room)?;
         Ok(Some(totals.overflow_step - 1))
     }
 
@@ -358,24 +357,14 @@ impl<'a> Trainer<'a> {
     /// Follows a model that has changed.
     pub(super) fn fit_model(&mut self) -> Result<()> {
         if self.optimizer.model.stride > self.workspace.capacity.stride {
-            return self.grow(0);
+            return self.grow(self.workspace.capacity);
         }
         self.rebind()
     }
 
-    /// Makes room for the model and for half as many pairs again as `pairs`.
-    fn grow(&mut self, pairs: usize) -> Result<()> {
-        if pairs == u32::MAX as usize {
-            return Err(
-                Error::new("a view has more than 2^32 (tile, Gaussian) pairs").way_out(
-                    "use fewer Gaussians (`--max-points`) or smaller images (`--max-size`)",
-                ),
-            );
-        }
-        let mut capacity = self.workspace.capacity;
+    /// Makes room for the model and for `capacity`.
+    fn grow(&mut self, mut capacity: Capacity) -> Result<()> {
         capacity.stride = capacity.stride.max(self.optimizer.model.stride);
-        let wanted = (pairs + pairs / 2).min(most_pairs(self.gpu)).max(pairs);
-        capacity.pairs = capacity.pairs.max(wanted);
         // The old buffers are free before the new ones are made.
         self.unbind();
         self.workspace = Workspace::new(self.gpu, Capacity::default(), true)?;

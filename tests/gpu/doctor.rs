@@ -2,8 +2,8 @@
 
 use gspotential::doctor::determinism::Repeat;
 use gspotential::doctor::loss::{Kind, LossCase, MaskKind};
-use gspotential::doctor::twin::cases::random_scene;
-use gspotential::doctor::view::{ORDINARY, ViewCase};
+use gspotential::doctor::twin::cases::{cover, huge, random_scene};
+use gspotential::doctor::view::{COVERS, ORDINARY, ViewCase};
 use gspotential::doctor::{Adapter, Context, Finding, Report, adam, changes, loss, stage, view};
 use gspotential::error::Result;
 use gspotential::gpu::Gpu;
@@ -35,7 +35,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-const PLANTS: [Plant; 24] = [
+const PLANTS: [Plant; 28] = [
     plant(
         "project",
         "+ DILATION;",
@@ -57,8 +57,8 @@ const PLANTS: [Plant; 24] = [
     ),
     plant(
         "bin",
-        "floor(s0.x + right",
-        "floor(s0.x + 0.5 * right",
+        "floor(o.center.x + right",
+        "floor(o.center.x + 0.5 * right",
         stage::BIN,
     ),
     plant(
@@ -114,6 +114,30 @@ const PLANTS: [Plant; 24] = [
         "sum_xy += row_x * t_y;",
         "sum_xy += row_v * t_y;",
         stage::RASTERIZE_BACKWARD,
+    ),
+    plant(
+        "bin",
+        "last = splat_pairs[thread + 1u];",
+        "last = splat_pairs[thread];",
+        stage::BIN,
+    ),
+    plant(
+        "sum_pairs",
+        "i < PAIR_BLOCK; i++",
+        "i < PAIR_BLOCK - 1u; i++",
+        stage::SUM_PAIRS,
+    ),
+    plant(
+        "sum_pairs",
+        "first + size - 1u]",
+        "first + size / 2u]",
+        stage::SUM_PAIRS,
+    ),
+    plant(
+        "project_backward",
+        "left >= PAIR_BLOCK)",
+        "left > PAIR_BLOCK / 2u)",
+        stage::PROJECT_BACKWARD,
     ),
     plant(
         "project_backward",
@@ -198,6 +222,10 @@ fn findings_with(plant: &Plant) -> Vec<Finding> {
 fn findings(ctx: &Context) -> Result<Vec<Finding>> {
     let view = ViewCase::new("ordinary", &random_scene(400, 2, 2), 1, (61, 47), ORDINARY);
     let mut findings = view::examine(ctx, &view)?.0.list;
+    let view = ViewCase::new("cover", &cover(), 0, (331, 217), ORDINARY);
+    findings.extend(view::examine(ctx, &view)?.0.list);
+    let view = ViewCase::new("screen covers", &huge(60, 6), 0, (97, 63), COVERS);
+    findings.extend(view::examine(ctx, &view)?.0.list);
     let view = view::dropout_case(&random_scene(400, 2, 9), 40, 1);
     findings.extend(view::examine(ctx, &view)?.0.list);
     for mask in [None, Some(MaskKind::Any)] {

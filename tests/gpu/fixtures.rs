@@ -2,7 +2,7 @@
 
 use gspotential::doctor::image::{Truth, hold_gradients, hold_image};
 use gspotential::doctor::twin::tolerance;
-use gspotential::doctor::view::{Bounds, ViewCase};
+use gspotential::doctor::view::{Bounds, Residual, ViewCase};
 use gspotential::doctor::{Findings, Rig};
 
 use super::rig::{assert_findings, context};
@@ -65,6 +65,7 @@ fn every_stage_holds_on_the_reference_cases() {
             gaussians: view.gaussians,
             camera: view.camera,
             bounds,
+            residual: Residual::Random,
         });
     }
     print(&table);

@@ -7,6 +7,8 @@ mod dispatch;
 mod doctor;
 mod dropout;
 mod fixtures;
+mod limits;
+mod loops;
 mod loss;
 mod rearrange;
 mod reflection;

@@ -219,6 +219,68 @@ pub fn layers(n_layers: usize, n_per_layer: usize, seed: u64) -> TwinCase {
     case
 }
 
+/// One Gaussian that fills the screen of a camera at the origin: its alpha is far above the least
+/// that is drawn at the corners of an image, too, whatever the image's size.
+pub fn cover() -> TwinCase {
+    let camera = looking_at([0.0; 3], [0.0, 0.0, 1.0]);
+    build(1, 2, vec![camera], &mut Random::new(3), |_| Draw {
+        mean: [0.05, -0.03, 2.0],
+        scale: [1.2, 1.0, 0.7],
+        opacity: 0.7,
+    })
+}
+
+/// `n` Gaussians that each reach one pixel of a 4x8 image, front to back in the order of their
+/// indices: those that `is_left` chooses in the two columns on the left, the others on the right. Each
+/// takes half a per cent of its pixel's light.
+pub fn crowd(n: usize, seed: u64, mut is_left: impl FnMut(usize, &mut Random) -> bool) -> TwinCase {
+    let mut random = Random::new(seed);
+    let camera = TwinCamera {
+        fx: 4.0,
+        fy: 4.0,
+        ..looking_at([0.0; 3], [0.0, 0.0, 1.0]).resized(4, 8)
+    };
+    let mut gaussians = TwinGaussians {
+        means: Vec::new(),
+        sh: Vec::new(),
+        opacity_logit: Vec::new(),
+        scale_log: Vec::new(),
+        rotation_wxyz: Vec::new(),
+        sh_degree: 0,
+    };
+    for i in 0..n {
+        // f32 tells these depths apart by a hundred steps and more, up to a million of them.
+        let z = f32_exact(1.0 + 8.0 * i as f64 / n as f64);
+        let column =
+            random.uniform(0.0, 2.0).floor() + if is_left(i, &mut random) { 0.0 } else { 2.0 };
+        let row = random.uniform(0.0, 8.0).floor();
+        // Off the pixel's centre, far from the next one's reach.
+        let mut at = |pixel: f64| pixel + 0.5 + random.uniform(-0.1, 0.1);
+        let (u, v) = (at(column), at(row));
+        let mean = [
+            (u - camera.cx) * z / camera.fx,
+            (v - camera.cy) * z / camera.fy,
+            z,
+        ];
+        gaussians.means.push(mean.map(f32_exact));
+        let mut sh = [[0.0; 3]; 16];
+        sh[0] = [(); 3].map(|()| f32_exact(random.uniform(-1.0, 1.0)));
+        gaussians.sh.push(sh);
+        let opacity = random.uniform(0.0046, 0.0049);
+        gaussians
+            .opacity_logit
+            .push(f32_exact((opacity / (1.0 - opacity)).ln()));
+        let sigma = |random: &mut Random| random.uniform(0.2, 0.3) * z / camera.fx;
+        gaussians
+            .scale_log
+            .push([(); 3].map(|()| f32_exact(sigma(&mut random).ln())));
+        let rotation = [(); 4].map(|()| f32_exact(1.5 * random.normal()));
+        gaussians.rotation_wxyz.push(rotation);
+    }
+    let cameras = vec![camera];
+    TwinCase { gaussians, cameras }
+}
+
 fn in_ball(random: &mut Random, radius: f64) -> Vec3 {
     loop {
         let p = [(); 3].map(|()| random.uniform(-1.0, 1.0));

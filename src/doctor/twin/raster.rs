@@ -71,13 +71,18 @@ fn active(splats: &[TwinSplat], tolerance: f64) -> Vec<Active> {
         .collect()
 }
 
-/// Walks one pixel front to back. Returns what was blended, the final transmittance and
-/// whether a decision was close.
-fn walk(row: &[&Active], x: usize, y: usize, tolerance: f64) -> (Vec<Blend>, f64, bool) {
+/// Walks one pixel front to back. Leaves what was blended in `blends`; returns the final
+/// transmittance and whether a decision was close.
+fn walk(
+    row: &[&Active],
+    (x, y): (usize, usize),
+    tolerance: f64,
+    blends: &mut Vec<Blend>,
+) -> (f64, bool) {
     let close = |value: f64, threshold: f64, tolerance: f64| {
         (value - threshold).abs() <= tolerance * threshold
     };
-    let mut blends: Vec<Blend> = Vec::new();
+    blends.clear();
     let (mut transmittance, mut fragile) = (1.0, false);
     for Active { id, splat, extent } in row {
         let dx = x as f64 + 0.5 - splat.mean2d[0];
@@ -113,7 +118,7 @@ fn walk(row: &[&Active], x: usize, y: usize, tolerance: f64) -> (Vec<Blend>, f64
         });
         transmittance = next;
     }
-    (blends, transmittance, fragile)
+    (transmittance, fragile)
 }
 
 /// The active splats whose box meets the pixel centres of row `y`.
@@ -144,8 +149,9 @@ pub fn render_with_tolerance(
         .into_par_iter()
         .flat_map_iter(|y| {
             let row = row_of(&active, y);
+            let mut blends = Vec::new();
             (0..camera.width).map(move |x| {
-                let (blends, transmittance, fragile) = walk(&row, x, y, tolerance);
+                let (transmittance, fragile) = walk(&row, (x, y), tolerance, &mut blends);
                 let mut rgb = camera.background.map(|c| transmittance * c);
                 for blend in &blends {
                     for (sum, c) in rgb.iter_mut().zip(blend.splat.rgb) {
@@ -180,12 +186,13 @@ pub fn backward(
         .into_par_iter()
         .map(|band| {
             let mut sums = vec![[0.0; 9]; n];
+            let mut blends = Vec::new();
             for y in band * BAND..camera.height.min((band + 1) * BAND) {
                 let row = row_of(&active, y);
                 for x in 0..camera.width {
                     let pixel = y * camera.width + x;
                     let d_color = std::array::from_fn(|c| d_rgb[pixel * 3 + c]);
-                    let (blends, transmittance, _) = walk(&row, x, y, 0.0);
+                    let (transmittance, _) = walk(&row, (x, y), 0.0, &mut blends);
                     let background = camera.background;
                     let out = (d_color, d_alpha[pixel]);
                     pixel_backward(&blends, transmittance, background, out, &mut sums);

@@ -33,6 +33,10 @@ pub const REFERENCE_GRADIENT: f64 = 1e-6;
 pub const GPU_IMAGE: f64 = 1e-5;
 pub const GPU_GRADIENT: f64 = 1e-5;
 
+/// Sums of 32 numbers, and of 32 such sums, as a share of the sum of their sizes: 62 roundings of at
+/// most 6e-8 each.
+pub const GPU_PAIR_SUM: f64 = 4e-6;
+
 /// The same for needles of 1:1e4, whose narrow axis sees the rounding of the projected mean
 /// magnified. Measured: 2e-5 and 4e-5.
 pub const GPU_NEEDLE_IMAGE: f64 = 1e-4;

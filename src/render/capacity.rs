@@ -1,0 +1,86 @@
+//! What a workspace has room for, and what no workspace may be asked for.
+
+use super::uniforms::ViewUniform;
+use crate::error::{Error, Result};
+use crate::gpu::constants::{LIST_SLICE, LOOP_TURNS, MOST_TILE_ROWS, PAIR_BLOCK, TILE_H};
+
+/// What a workspace has room for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Capacity {
+    /// Gaussians.
+    pub stride: usize,
+    /// (tile, Gaussian) pairs of one view.
+    pub pairs: usize,
+    pub tiles: usize,
+    /// Rows of tiles.
+    pub tile_rows: usize,
+    /// Slices of [`LIST_SLICE`] entries that the longest list of a tile may need; at most one where
+    /// lists are not sliced.
+    pub slices: usize,
+    /// Entries of the tiles' order.
+    pub tile_slots: usize,
+    /// `vec4f`s of one padded plane.
+    pub plane: usize,
+}
+
+impl Capacity {
+    /// Room for images of every view in `views`.
+    pub fn new(stride: usize, pairs: usize, views: &[ViewUniform]) -> Capacity {
+        let largest = |size: fn(&ViewUniform) -> usize| views.iter().map(size).max().unwrap_or(1);
+        Capacity {
+            stride,
+            pairs,
+            tiles: largest(ViewUniform::n_tiles),
+            tile_rows: largest(|view| view.size[3] as usize),
+            slices: 1,
+            tile_slots: largest(ViewUniform::n_tile_slots),
+            plane: largest(ViewUniform::plane_len),
+        }
+    }
+
+    /// The larger of both in every respect.
+    pub fn union(&self, other: &Capacity) -> Capacity {
+        Capacity {
+            stride: self.stride.max(other.stride),
+            pairs: self.pairs.max(other.pairs),
+            tiles: self.tiles.max(other.tiles),
+            tile_rows: self.tile_rows.max(other.tile_rows),
+            slices: self.slices.max(other.slices),
+            tile_slots: self.tile_slots.max(other.tile_slots),
+            plane: self.plane.max(other.plane),
+        }
+    }
+
+    /// Whether `other` fits.
+    pub fn holds(&self, other: &Capacity) -> bool {
+        self.union(other) == *self
+    }
+
+    /// Entries of the longest list that the slices cover.
+    pub(super) fn longest_list(&self) -> usize {
+        self.slices.max(1) * LIST_SLICE as usize
+    }
+}
+
+/// Refuses what the kernels' loops do not get through on a driver that ends them after
+/// [`LOOP_TURNS`] turns.
+pub(super) fn check_loops(capacity: &Capacity) -> Result<()> {
+    if capacity.tile_rows > MOST_TILE_ROWS as usize {
+        let most = MOST_TILE_ROWS * TILE_H;
+        let height = capacity.tile_rows.saturating_mul(TILE_H as usize);
+        return Err(Error::new(format!(
+            "an image of {height} rows of pixels, padded to whole tiles: kernels take at most {most}"
+        ))
+        .way_out("use smaller images (`--max-size`)"));
+    }
+    // project_backward adds up a Gaussian's pairs, one a tile at most.
+    let most = (LOOP_TURNS - 4 * PAIR_BLOCK) as usize * (PAIR_BLOCK * PAIR_BLOCK) as usize;
+    if capacity.tiles > most {
+        return Err(Error::new(format!(
+            "an image of {} tiles: kernels take at most {most}",
+            capacity.tiles
+        ))
+        .way_out("use smaller images (`--max-size`)"));
+    }
+    Ok(())
+}

@@ -1,0 +1,86 @@
+//! What a step must have room for, and what it says when it has not: the GPU finds that pairs or a
+//! tile's list do not fit, every later stage of this and of the following steps does nothing, and
+//! the host makes room and takes the step again.
+
+use super::capacity::Capacity;
+use super::memory::most_pairs;
+use super::workspace::Workspace;
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::gpu::constants::{
+    LIST_SLICE, N_TOTALS, TOTAL_LONGEST, TOTAL_MAX, TOTAL_OVERFLOW, TOTAL_PAIRS,
+};
+
+/// Counts that the GPU keeps.
+#[derive(Clone, Copy, Debug)]
+pub struct Totals {
+    /// (tile, Gaussian) pairs of the last view.
+    pub pairs: usize,
+    /// Most pairs of any view since the workspace was made.
+    pub max: usize,
+    /// The longest list of those that the workspace's slices do not cover; 0: none.
+    pub longest: usize,
+    /// Number of the first step whose pairs or lists did not fit; 0: none.
+    pub overflow_step: u32,
+}
+
+/// Waits for the GPU and reads its counts.
+///
+/// # Errors
+/// A GPU fault.
+pub fn read_totals(gpu: &Gpu, workspace: &Workspace) -> Result<Totals> {
+    let totals: Vec<u32> = workspace.totals.read(gpu, N_TOTALS as usize)?;
+    let total = |slot: u32| totals[slot as usize] as usize;
+    Ok(Totals {
+        pairs: total(TOTAL_PAIRS),
+        max: total(TOTAL_MAX),
+        longest: total(TOTAL_LONGEST),
+        overflow_step: totals[TOTAL_OVERFLOW as usize],
+    })
+}
+
+impl Totals {
+    /// The room that the step needs, half as much again as it asked for so that the next ones fit,
+    /// too; `None`: it had room.
+    ///
+    /// # Errors
+    /// More pairs than can be counted; a driver that reports an overflow of what fits.
+    pub fn room(&self, gpu: &Gpu, capacity: Capacity) -> Result<Option<Capacity>> {
+        if self.overflow_step == 0 {
+            return Ok(None);
+        }
+        if self.max == u32::MAX as usize {
+            return Err(
+                Error::new("a view has more than 2^32 (tile, Gaussian) pairs").way_out(
+                    "use fewer or smaller Gaussians (`--max-points`) or smaller images (`--max-size`)",
+                ),
+            );
+        }
+        let mut room = capacity;
+        if self.max > capacity.pairs {
+            room = room.with_pairs(gpu, self.max);
+        }
+        if (1..=self.max).contains(&self.longest) {
+            let slices = (self.longest + self.longest / 2).div_ceil(LIST_SLICE as usize);
+            room.slices = room.slices.max(slices);
+        }
+        if room == capacity {
+            let what = "the GPU reports that a step did not fit, and counts that cannot be";
+            return Err(Error::new(what)
+                .at(&gpu.info.name)
+                .way_out("run `gspotential doctor`"));
+        }
+        Ok(Some(room))
+    }
+}
+
+impl Capacity {
+    /// The same with room for half as many pairs again as `pairs`, as far as the adapter goes.
+    pub fn with_pairs(self, gpu: &Gpu, pairs: usize) -> Capacity {
+        let wanted = (pairs + pairs / 2).min(most_pairs(gpu)).max(pairs);
+        Capacity {
+            pairs: self.pairs.max(wanted),
+            ..self
+        }
+    }
+}
