@@ -5,7 +5,7 @@ struct Rearrange {
     old_stride: u32,
     new_stride: u32,
     n_planes: u32,
-    // GEOMETRY, SH or MOMENTS.
+    // GEOMETRY, MOMENTS, or 1: copied as it is.
     kind: u32,
     pad_0: u32,
     pad_1: u32,

@@ -2,11 +2,12 @@
 
 use glam::DVec2;
 use gspotential::camera::Camera;
+use gspotential::config::Config;
 use gspotential::scene::builtin::{
     self, BuiltinOptions, CENTER, Hit, Imperfections, Traced, is_depth_edge, point_cloud,
     surface_distance, test_cameras, trace, train_cameras, unproject,
 };
-use gspotential::scene::{Image, PointCloud, Scene};
+use gspotential::scene::{Image, LoadOptions, PointCloud, Scene, load_builtin};
 
 const WIDTH: u32 = 96;
 
@@ -499,4 +500,26 @@ fn builtin_images_show_every_object_with_contrast() {
         }
     }
     assert!(seen.iter().all(|&s| s), "{seen:?}");
+}
+
+#[test]
+fn as_many_training_views_as_the_config_asks_for() {
+    let views = |n_train: usize| {
+        let mut config = Config::preset("3dgs").unwrap();
+        config.scene.n_train = n_train;
+        config.scene.n_test = 2;
+        let scene = load_builtin(48, &LoadOptions::new(&config)).unwrap();
+        let names = scene.train.iter().map(|v| v.camera.name.clone());
+        (names.collect::<Vec<_>>(), scene.warnings.len())
+    };
+    let named = |numbers: &[usize]| {
+        numbers
+            .iter()
+            .map(|i| format!("train_{i:02}.png"))
+            .collect()
+    };
+    assert_eq!(views(1), (named(&[0]), 0));
+    assert_eq!(views(2), (named(&[0, 3]), 0));
+    assert_eq!(views(4), (named(&[0, 1, 2, 3]), 0));
+    assert_eq!(views(9), (named(&[0, 1, 2, 3]), 1));
 }

@@ -85,6 +85,7 @@ fn own_preset_differs_from_the_paper_in_its_parts_alone() {
         "densify.enabled=false",
         "iterations=7000",
         "loss.fill_weight=0.3",
+        "model.max_initial_scale_ratio=10.0",
         "shell.count=500",
         "views.visibility.enabled=true",
         "views.visibility.mask_angle_deg=80.0",
@@ -122,7 +123,6 @@ fn presets_of_other_systems_differ_from_the_baseline_in_what_their_sources_say()
         "densify.end=10000",
         "densify.gradient_threshold=0.0004166666666666667",
         "densify.max_scale=1000000000.0",
-        "densify.max_screen=1000000000.0",
         "densify.opacity_reset_end=10000",
     ];
     let ssim = ["loss.ssim_weight=0.16666666666666666"];

@@ -13,11 +13,23 @@ use crate::gaussians_ply::distinct;
 use crate::geometry::{Random, cloud, paper, scratch};
 
 fn start(positions: Vec<DVec3>) -> Gaussians {
-    Gaussians::from_cloud(&cloud(positions), &Frame::IDENTITY, &paper().model).unwrap()
+    start_bounded(positions, None)
 }
 
+fn start_bounded(positions: Vec<DVec3>, ratio: Option<f64>) -> Gaussians {
+    let config = ModelConfig {
+        max_initial_scale_ratio: ratio,
+        ..paper().model
+    };
+    Gaussians::from_cloud(&cloud(positions), &Frame::IDENTITY, &config).unwrap()
+}
+
+/// Of Gaussians whose scales are bounded by ten times the median.
 fn scales(positions: Vec<DVec3>) -> Vec<f64> {
-    let gaussians = start(positions);
+    scales_of(&start_bounded(positions, Some(10.0)))
+}
+
+fn scales_of(gaussians: &Gaussians) -> Vec<f64> {
     let scale = |s: &Vec3| {
         assert!(s.x == s.y && s.y == s.z, "not isotropic: {s}");
         f64::from(s.x).exp()
@@ -69,9 +81,15 @@ fn an_isolated_point_is_bounded_by_the_median() {
         .map(|i| dvec3(f64::from(i % 10), f64::from(i / 10), 0.0) * 0.1)
         .collect();
     positions.push(dvec3(0.0, 0.0, 50.0));
-    let scales = scales(positions);
-    assert!(close(scales[55], 0.1));
-    assert!(close(scales[100], 10.0 * 0.1), "{}", scales[100]);
+    let bounded = scales(positions.clone());
+    assert!(close(bounded[55], 0.1));
+    assert!(close(bounded[100], 10.0 * 0.1), "{}", bounded[100]);
+    // 3DGS takes the distances as they are.
+    let literal = scales_of(&start(positions));
+    assert_eq!(literal[..100], bounded[..100]);
+    let squared = |near: f64| 2500.0 + near;
+    let expected = ((squared(0.0) + 2.0 * squared(0.01)) / 3.0).sqrt();
+    assert!(close(literal[100], expected), "{}", literal[100]);
 }
 
 #[test]

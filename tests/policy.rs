@@ -4,6 +4,7 @@ use glam::{DVec3, Vec3};
 use gspotential::config::{Config, Kernel};
 use gspotential::field::{Coverage, Field, fibonacci_sphere};
 use gspotential::train::policy::{Gathered, NEW, Plan, Surroundings, plan};
+use gspotential::train::schedule;
 
 const EXTENT: f64 = 2.0;
 const FROZEN_BEYOND: f32 = 8.0;
@@ -175,20 +176,67 @@ fn faint_ones_are_pruned_however_large_their_gradient() {
 
 #[test]
 fn large_ones_are_pruned_only_once_opacities_have_been_reset() {
-    let wide = Case {
+    let large = Case {
         scale: Vec3::splat(0.21),
         ..KEPT
     };
-    let near = Case {
+    let wide = Case {
         radius: 0.21,
         ..KEPT
     };
-    let cases = [wide, KEPT, near];
+    let cases = [large, KEPT, wide];
     let plan = decide(&cases, &config(), 3000);
     assert_eq!(plan.sources, [0, 1, 2]);
     let plan = decide(&cases, &config(), 3100);
+    assert_eq!(plan.sources, [1, 2]);
+    assert_eq!(plan.counts.pruned_size, 1);
+    // By their width on screen only where it is asked for.
+    let mut config = config();
+    config.densify.max_screen = Some(0.2);
+    let plan = decide(&cases, &config, 3100);
     assert_eq!(plan.sources, [1]);
     assert_eq!(plan.counts.pruned_size, 2);
+}
+
+#[test]
+fn size_is_judged_after_the_split_as_in_3dgs() {
+    let pulled_of = |scale: f32| Case {
+        scale: Vec3::splat(scale),
+        ..pulled(1.0)
+    };
+    let mut config = config();
+    // Halves of 0.31 have 0.194, below the limit of 0.2; those of 0.33 have 0.206.
+    let cases = [pulled_of(0.31), pulled_of(0.33)];
+    let plan = decide(&cases, &config, 3100);
+    assert_eq!(plan.sources, [NEW, NEW]);
+    assert_eq!((plan.counts.split, plan.counts.pruned_size), (1, 1));
+    // Without room for halves it goes as a whole.
+    config.densify.max_gaussians = 2;
+    let plan = decide(&cases, &config, 3100);
+    assert_eq!(plan.sources, [NEW, NEW]);
+    config.densify.max_gaussians = 1;
+    let plan = decide(&cases, &config, 3100);
+    assert_eq!(plan.sources, [0_u32; 0]);
+    assert_eq!(plan.counts.pruned_size, 2);
+}
+
+#[test]
+fn nothing_changes_the_set_after_the_last_iteration() {
+    let mut config = config();
+    config.densify.opacity_reset_interval = 1200;
+    let changes = |config: &Config| {
+        [
+            schedule::densifies(config, LATE),
+            schedule::prunes_by_coverage(config, LATE),
+            schedule::resets_opacity(config, LATE),
+        ]
+    };
+    config.iterations = LATE + 1;
+    assert_eq!(changes(&config), [true; 3]);
+    for iterations in [LATE, LATE - 1] {
+        config.iterations = iterations;
+        assert_eq!(changes(&config), [false; 3], "{iterations}");
+    }
 }
 
 /// `long` times as long as wide.

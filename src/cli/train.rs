@@ -53,7 +53,7 @@ pub struct TrainArgs {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     settings: Vec<String>,
 
-    /// Training iterations [preset: 10000]
+    /// Training iterations, instead of the preset's (7000 in the default)
     #[arg(long, value_name = "N")]
     iterations: Option<u32>,
 

@@ -201,8 +201,8 @@ pub struct ModelConfig {
     /// Gaussians start with `initial_opacity * min(1, confidence / median confidence)`.
     pub confidence_opacity: bool,
     /// Upper bound of the initial scale (3-nearest-neighbour distance) as a multiple of the
-    /// median over the cloud: isolated points would fog whole views.
-    pub max_initial_scale_ratio: f64,
+    /// median over the cloud: isolated points would fog whole views. null: no bound, as in 3DGS.
+    pub max_initial_scale_ratio: Option<f64>,
     /// Near plane, in `R`.
     pub near: f64,
     /// Background colour of renders, RGB in [0, 1].
@@ -306,9 +306,9 @@ pub struct OptimizerConfig {
 pub struct DensifyConfig {
     /// Otherwise the number of Gaussians only falls.
     pub enabled: bool,
-    /// First iteration that densifies.
+    /// Densification follows iterations after this one.
     pub start: u32,
-    /// Last iteration that densifies.
+    /// And before this one, the run's last at most: what it adds is trained.
     pub end: u32,
     /// Iterations between two densifications.
     pub interval: u32,
@@ -319,11 +319,13 @@ pub struct DensifyConfig {
     pub split_scale: f64,
     /// Prune below this opacity.
     pub min_opacity: f64,
-    /// Prune above this scale, in camera extents, once opacities have been reset.
+    /// Prune above this scale, in camera extents, once opacities have been reset. Halves of a split
+    /// Gaussian are judged by their own scale.
     pub max_scale: f64,
     /// Prune Gaussians that were wider than this on a training image, as a share of its longer
-    /// side, once opacities have been reset.
-    pub max_screen: f64,
+    /// side, once opacities have been reset. null: none, as 3DGS's code does, which clears the
+    /// widths before it looks at them.
+    pub max_screen: Option<f64>,
     /// Opacities are reset every so many iterations.
     pub opacity_reset_interval: u32,
     /// No reset after this iteration.
@@ -340,7 +342,7 @@ pub struct CoverageConfig {
     pub prune: bool,
     /// `Q_i`-guided densification threshold.
     pub densify: bool,
-    /// First iteration of the pruning.
+    /// First iteration after which `Q_i` guides the pruning and the densification threshold.
     pub start: u32,
     /// Iterations between two prunings.
     pub interval: u32,

@@ -15,15 +15,7 @@ use crate::files::read_file;
 /// Name and text of every preset; the first is the default. `fast` and those of the
 /// ablation state what they change and from what, the others every value.
 ///
-/// Three are settings of other systems, as published, on this program's kernels and start:
-/// - `instantsplat` (Fan et al. 2024): poses are refined, the set of Gaussians stays. Its pose rate is
-///   that of a quaternion, half an angle, and of lengths in the scene's unit, here `R`; positions are
-///   on the way from 1.6e-4 to 1.6e-6 in 30,000 iterations when it stops after 1,000. Without its
-///   learning rates of positions by confidence.
-/// - `dropgaussian` (Park et al. 2025) and `d2gs` (Song et al. 2026, at its settings for three views):
-///   their loss is `L1 + 0.2 (1 - SSIM)`, 1.2 times this program's at `ssim_weight` 1/6, and so
-///   is the gradient that densification looks at, 5e-4 of it; nothing is pruned for its size. `d2gs` is
-///   without the additional loss of the far pixels of a monocular depth network.
+/// Sources, choices and deviations: `configs/README.md`.
 pub const PRESETS: &[(&str, &str)] = &[
     (
         "gspotential",

@@ -66,10 +66,9 @@ impl Config {
         within("model.sh_degree", model.sh_degree, 0..=3)?;
         within("model.sh_interval", model.sh_interval, 1..=u32::MAX)?;
         inside_unit("model.initial_opacity", model.initial_opacity)?;
-        positive(
-            "model.max_initial_scale_ratio",
-            model.max_initial_scale_ratio,
-        )?;
+        if let Some(ratio) = model.max_initial_scale_ratio {
+            positive("model.max_initial_scale_ratio", ratio)?;
+        }
         inside_unit("model.near", model.near)?;
         for channel in model.background {
             within("model.background", channel, 0.0..=1.0)?;
@@ -211,7 +210,9 @@ impl Config {
             ),
         )?;
         positive("densify.max_scale", densify.max_scale)?;
-        positive("densify.max_screen", densify.max_screen)?;
+        if let Some(share) = densify.max_screen {
+            positive("densify.max_screen", share)?;
+        }
         within(
             "densify.opacity_reset_interval",
             densify.opacity_reset_interval,

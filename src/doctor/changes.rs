@@ -122,9 +122,34 @@ pub fn examine_rearrange(
 ) -> Result<Findings> {
     let len = plan.sources.len();
     let mut out = Findings::of(format!("{n} to {len} Gaussians of degree {degree}"));
-    let mut optimizer = optimizer(ctx, n, stride, degree)?;
+    for densifies in [true, false] {
+        examine_one(
+            ctx,
+            plan,
+            optimizer(ctx, n, stride, degree)?,
+            densifies,
+            &mut out,
+        )?;
+    }
+    Ok(out)
+}
+
+/// The same of a plan that densifies, after which statistics start anew, or of one that does not.
+fn examine_one(
+    ctx: &Context,
+    plan: &Plan,
+    mut optimizer: Optimizer,
+    densifies: bool,
+    out: &mut Findings,
+) -> Result<()> {
+    let gathered: Vec<[f32; 4]> = (0..optimizer.model.n)
+        .map(|i| [1.0, 2.0, 3.0, 0.0].map(|k: f32| k * (i + 1) as f32))
+        .collect();
+    if let Some(statistics) = optimizer.buffers().last() {
+        statistics.write(&ctx.gpu, &gathered);
+    }
     let old = download(ctx, &optimizer)?;
-    optimizer.rearrange(&ctx.gpu, &ctx.optimizer, plan)?;
+    optimizer.rearrange(&ctx.gpu, &ctx.optimizer, plan, densifies)?;
     let new = download(ctx, &optimizer)?;
     for (which, what) in ["parameters", "first moments", "second moments"]
         .into_iter()
@@ -135,9 +160,20 @@ pub fn examine_rearrange(
         out.none((stage::REARRANGE, what), n_wrong);
     }
     let statistics = optimizer.gather(&ctx.gpu)?.statistics;
-    let expected = vec![[0.0; 3]; len];
+    let expected: Vec<[f32; 3]> = plan
+        .sources
+        .iter()
+        .map(|source| {
+            let [sum, n_views, radius, _] = gathered[(source & !NEW) as usize];
+            if densifies {
+                [0.0; 3]
+            } else {
+                [sum, n_views, radius]
+            }
+        })
+        .collect();
     out.equal((stage::REARRANGE, "statistics"), &statistics, &expected);
-    Ok(out)
+    Ok(())
 }
 
 /// Resets the opacities of `n` Gaussians: but for those far out they fall to the ceiling, and their

@@ -119,7 +119,7 @@ impl Gaussians {
     /// cloud's colour from everywhere, and of `config.initial_opacity`, which
     /// `config.confidence_opacity` multiplies by [`PointCloud::relative_confidence`].
     ///
-    /// Scales are bounded: below as in 3DGS, for points that coincide; above by
+    /// Scales are bounded: below as in 3DGS, for points that coincide; above, where it is given, by
     /// `config.max_initial_scale_ratio` times the median of those that do not.
     ///
     /// # Errors
@@ -220,12 +220,15 @@ fn initial_opacity_logits(cloud: &PointCloud, config: &ModelConfig) -> Result<Ve
 }
 
 /// Root mean square distance to the three nearest other points, bounded; one a mean.
-fn initial_scales(means: &[Vec3], max_ratio: f64) -> Vec<f64> {
+fn initial_scales(means: &[Vec3], max_ratio: Option<f64>) -> Vec<f64> {
     let floor = MIN_SQUARED_DISTANCE.sqrt();
     let mut scales: Vec<f64> = mean_over_nearest(means, 3, |squared| squared)
         .into_iter()
         .map(|d| d.map_or(LONE_SCALE, f64::sqrt).max(floor))
         .collect();
+    let Some(max_ratio) = max_ratio else {
+        return scales;
+    };
     // Points that coincide say nothing about the spacing of the others.
     let mut apart: Vec<f64> = scales.iter().copied().filter(|s| *s > floor).collect();
     if !apart.is_empty() {

@@ -139,6 +139,7 @@ fn read_points(path: &Path, confidence: Option<&Path>) -> Result<PointCloud> {
 }
 
 /// Makes the built-in scene `width` pixels wide, with the views and the cloud that are asked for.
+/// Fewer training views than it has are taken uniformly around it; its cloud stays.
 ///
 /// # Errors
 ///

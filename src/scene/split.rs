@@ -150,6 +150,15 @@ pub(super) fn regroup(scene: &mut Scene, options: &LoadOptions) -> Result<()> {
             return Err(no_training_view(Error::usage));
         }
         scene.train = find(names, "training")?;
+    } else {
+        if scene.train.len() < options.n_train {
+            scene.warnings.push(format!(
+                "only {} views for training of {}: all are trained on",
+                scene.train.len(),
+                options.n_train
+            ));
+        }
+        scene.train = uniform(&scene.train, options.n_train);
     }
     let trained = |name: &str| scene.train.iter().any(|view| view.camera.name == name);
     match &options.test_views {

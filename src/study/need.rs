@@ -12,8 +12,8 @@ use crate::gpu::Gpu;
 use crate::pipeline::n_start;
 use crate::report::plot::{Axis, Plot, Style};
 
-/// All of it.
-const BASE: &str = "paper";
+/// All of it: the default preset.
+const BASE: &str = "gspotential";
 
 const SH_DEGREES: [u32; 3] = [0, 1, 2];
 /// One in so many of the start's points.
@@ -38,28 +38,28 @@ struct Factor {
 
 const FACTORS: [Factor; 5] = [
     Factor {
-        prefix: "paper-sh-",
+        prefix: "gspotential-sh-",
         label: "SH degree",
         size: |run| Some(f64::from(run.job.config.model.sh_degree)),
         has_base: true,
         is_log: false,
     },
     Factor {
-        prefix: "paper-cap-",
+        prefix: "gspotential-cap-",
         label: "Gaussians at most",
         size: |run| Some(run.job.config.densify.max_gaussians as f64),
         has_base: false,
         is_log: true,
     },
     Factor {
-        prefix: "paper-count-",
+        prefix: "gspotential-count-",
         label: "virtual views",
         size: |run| Some(run.job.config.views.count as f64),
         has_base: true,
         is_log: false,
     },
     Factor {
-        prefix: "paper-iterations-",
+        prefix: "gspotential-iterations-",
         label: "iterations",
         size: |run| Some(f64::from(run.job.config.iterations)),
         has_base: true,
@@ -78,7 +78,7 @@ const FACTORS: [Factor; 5] = [
     },
 ];
 
-const SIZE: &str = "paper-size-";
+const SIZE: &str = "gspotential-size-";
 
 const COLUMNS: [Column; 11] = [
     SCENE,
@@ -120,7 +120,7 @@ impl Study for Need {
             .filter(|d| *d != config.model.sh_degree)
         {
             let change = format!("model.sh_degree={degree}");
-            add(format!("paper-sh-{degree}"), &[change])?;
+            add(format!("gspotential-sh-{degree}"), &[change])?;
         }
         for part in CAPS {
             let n = (n_points / part).max(1);
@@ -128,18 +128,18 @@ impl Study for Need {
                 format!("scene.max_points={n}"),
                 format!("densify.max_gaussians={n}"),
             ];
-            add(format!("paper-cap-{part}"), &changes)?;
+            add(format!("gspotential-cap-{part}"), &changes)?;
         }
         for count in VIRTUAL_VIEWS
             .into_iter()
             .filter(|n| *n != config.views.count)
         {
             let change = format!("views.count={count}");
-            add(format!("paper-count-{count}"), &[change])?;
+            add(format!("gspotential-count-{count}"), &[change])?;
         }
         for part in SHORTER {
             let change = format!("iterations={}", (config.iterations / part).max(1));
-            add(format!("paper-iterations-{part}"), &[change])?;
+            add(format!("gspotential-iterations-{part}"), &[change])?;
         }
         let can_be = |part: &u32| side / part >= MIN_SIDE && shorter / part >= base.min_side_px();
         for part in SMALLER.into_iter().filter(can_be) {
@@ -258,7 +258,7 @@ fn picture(results: &Results, factor: &Factor) -> Result<Picture> {
     }
     let name = factor
         .prefix
-        .trim_start_matches("paper-")
+        .trim_start_matches("gspotential-")
         .trim_end_matches('-');
     Ok(Picture {
         name: format!("need-{name}"),

@@ -105,7 +105,8 @@ pub struct RearrangeUniform {
 }
 
 const KIND_GEOMETRY: u32 = 0;
-const KIND_SH: u32 = 1;
+/// Copied as it is: SH, and the statistics.
+const KIND_PLAIN: u32 = 1;
 const KIND_MOMENTS: u32 = 2;
 
 /// Bytes of an [`Optimizer`] beyond its three models.
@@ -266,9 +267,19 @@ impl Optimizer {
         })
     }
 
-    /// Carries out a plan; statistics start anew. Bind groups of the old set keep its memory: drop
-    /// them first.
-    pub fn rearrange(&mut self, gpu: &Gpu, kernels: &OptimizerKernels, plan: &Plan) -> Result<()> {
+    /// Carries out a plan. Statistics start anew where it is one of densification, which they are
+    /// gathered for, and follow their Gaussians where it is not. Bind groups of the old set keep
+    /// its memory: drop them first.
+    ///
+    /// # Errors
+    /// More Gaussians than the adapter can hold, or a GPU fault.
+    pub fn rearrange(
+        &mut self,
+        gpu: &Gpu,
+        kernels: &OptimizerKernels,
+        plan: &Plan,
+        densifies: bool,
+    ) -> Result<()> {
         let n = plan.sources.len();
         let degree = self.model.sh_degree;
         let stride = if n > self.model.stride {
@@ -278,6 +289,38 @@ impl Optimizer {
         };
         let sources = Buffer::storage_from(gpu, "sources", &plan.sources)?;
         let changes = Buffer::storage_from(gpu, "changes", &plan.changes)?;
+        let follow =
+            |commands: &mut Commands<'_>, old: &Buffer, new: &Buffer, layout: RearrangeUniform| {
+                let uniform = Buffer::uniform_from(gpu, "rearrange", &layout);
+                let group = kernels.rearrange.bind(
+                    gpu,
+                    &[
+                        ("rearrange", &uniform),
+                        ("old_planes", old),
+                        ("new_planes", new),
+                        ("sources", &sources),
+                        ("changes", &changes),
+                    ],
+                );
+                commands.dispatch(&kernels.rearrange, &group, n as u64);
+            };
+        let layout = |old_stride: usize, n_planes: usize, kind: u32| RearrangeUniform {
+            n: shader_count(n),
+            old_stride: shader_count(old_stride),
+            new_stride: shader_count(stride),
+            n_planes: n_planes as u32,
+            kind,
+            pad: [0; 3],
+        };
+        let statistics = Buffer::storage::<[f32; 4]>(gpu, "statistics", stride)?;
+        if !densifies {
+            let mut commands = Commands::new(gpu);
+            let layout = layout(self.model.stride, 1, KIND_PLAIN);
+            follow(&mut commands, &self.statistics, &statistics, layout);
+            commands.submit();
+            gpu.wait()?;
+        }
+        self.statistics = statistics;
         for (old, moments) in [
             (&mut self.model, false),
             (&mut self.first_moment, true),
@@ -289,37 +332,17 @@ impl Optimizer {
                 let kind = match (moments, block) {
                     (true, _) => KIND_MOMENTS,
                     (false, 0) => KIND_GEOMETRY,
-                    (false, _) => KIND_SH,
+                    (false, _) => KIND_PLAIN,
                 };
-                let uniform = RearrangeUniform {
-                    n: shader_count(n),
-                    old_stride: shader_count(old.stride),
-                    new_stride: shader_count(stride),
-                    n_planes: *n_planes as u32,
-                    kind,
-                    pad: [0; 3],
-                };
-                let group = kernels.rearrange.bind(
-                    gpu,
-                    &[
-                        (
-                            "rearrange",
-                            &Buffer::uniform_from(gpu, "rearrange", &uniform),
-                        ),
-                        ("old_planes", &old.blocks[block]),
-                        ("new_planes", &new.blocks[block]),
-                        ("sources", &sources),
-                        ("changes", &changes),
-                    ],
-                );
-                commands.dispatch(&kernels.rearrange, &group, n as u64);
+                let layout = layout(old.stride, *n_planes, kind);
+                let (old, new) = (&old.blocks[block], &new.blocks[block]);
+                follow(&mut commands, old, new, layout);
             }
             commands.submit();
             *old = new;
             // The old set's memory is free before the next is made.
             gpu.wait()?;
         }
-        self.statistics = Buffer::storage::<[f32; 4]>(gpu, "statistics", stride)?;
         Ok(())
     }
 }

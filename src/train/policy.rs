@@ -31,7 +31,7 @@ pub struct Gathered {
     pub scales_log: Vec<Vec3>,
     pub rotations_wxyz: Vec<[f32; 4]>,
     /// Sum of the screen gradient's norm, number of views drawn in, largest radius (share of the
-    /// longer image side) since the last plan.
+    /// longer image side) since the last densification.
     pub statistics: Vec<[f32; 3]>,
 }
 
@@ -60,6 +60,25 @@ enum Reason {
     Anisotropy,
 }
 
+/// A Gaussian's fate, the score by which it is chosen where not all can be, and the fate of those
+/// that are not.
+#[derive(Clone, Copy, Debug)]
+struct Judgement {
+    fate: Fate,
+    score: f64,
+    otherwise: Fate,
+}
+
+impl Judgement {
+    fn of(fate: Fate) -> Judgement {
+        Judgement {
+            fate,
+            score: 0.0,
+            otherwise: fate,
+        }
+    }
+}
+
 /// What the scene decides, in the canonical frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Surroundings<'a> {
@@ -82,7 +101,7 @@ pub fn plan(
         surroundings,
         done,
     };
-    let mut fates: Vec<(Fate, f64)> = (0..gathered.means.len())
+    let mut fates: Vec<Judgement> = (0..gathered.means.len())
         .into_par_iter()
         .map(|i| rules.judge(gathered, i))
         .collect();
@@ -95,7 +114,7 @@ pub fn plan(
     );
     let n_pruned = fates
         .iter()
-        .filter(|(fate, _)| matches!(fate, Fate::Prune(_)))
+        .filter(|judgement| matches!(judgement.fate, Fate::Prune(_)))
         .count();
     let room = config.densify.max_gaussians.saturating_sub(n - n_pruned);
     limit(
@@ -107,15 +126,20 @@ pub fn plan(
 }
 
 /// Keeps only the `n` entries of the selected kind that have the highest scores (the lower index
-/// of equals); the others are kept as they are.
-fn limit(fates: &mut [(Fate, f64)], selects: impl Fn(Fate) -> bool, n: usize) {
-    let mut chosen: Vec<usize> = (0..fates.len()).filter(|&i| selects(fates[i].0)).collect();
+/// of equals); the others meet their other fate.
+fn limit(fates: &mut [Judgement], selects: impl Fn(Fate) -> bool, n: usize) {
+    let mut chosen: Vec<usize> = (0..fates.len())
+        .filter(|&i| selects(fates[i].fate))
+        .collect();
     if chosen.len() <= n {
         return;
     }
-    chosen.sort_by(|&a, &b| fates[b].1.total_cmp(&fates[a].1).then(a.cmp(&b)));
+    chosen.sort_by(|&a, &b| {
+        let (a_score, b_score) = (fates[a].score, fates[b].score);
+        b_score.total_cmp(&a_score).then(a.cmp(&b))
+    });
     for &i in &chosen[n..] {
-        fates[i].0 = Fate::Keep;
+        fates[i].fate = fates[i].otherwise;
     }
 }
 
@@ -126,8 +150,7 @@ struct Rules<'a> {
 }
 
 impl Rules<'_> {
-    /// A Gaussian's fate, and the score by which it is chosen where not all can be.
-    fn judge(&self, gathered: &Gathered, i: usize) -> (Fate, f64) {
+    fn judge(&self, gathered: &Gathered, i: usize) -> Judgement {
         let Rules {
             config,
             surroundings,
@@ -140,9 +163,10 @@ impl Rules<'_> {
         } = *surroundings;
         let mean = gathered.means[i];
         if mean.length() > frozen_beyond {
-            return (Fate::Keep, 0.0);
+            return Judgement::of(Fate::Keep);
         }
         let densify = &config.densify;
+        let densifies = schedule::densifies(config, done);
         let scale = gathered.scales_log[i].as_dvec3().exp();
         let [gradient_sum, n_views, radius] = gathered.statistics[i].map(f64::from);
         // Paper: a_i = max(s) / (min(s) + eps), tau_i between tau_min and tau_max by Norm(Q_i).
@@ -151,21 +175,29 @@ impl Rules<'_> {
         let norm_q = coverage.norm_q(coverage.q(mean.as_dvec3()));
         let tau = rules.tau_min + (rules.tau_max - rules.tau_min) * norm_q;
 
-        if schedule::densifies(config, done) {
-            let opacity = 1.0 / (1.0 + (-f64::from(gathered.opacity_logits[i])).exp());
-            if opacity < densify.min_opacity {
-                return (Fate::Prune(Reason::Opacity), 0.0);
-            }
-            let after_reset = done > densify.opacity_reset_interval;
-            let too_large = scale.max_element() > densify.max_scale * extent;
-            if after_reset && (too_large || radius > densify.max_screen) {
-                return (Fate::Prune(Reason::Size), 0.0);
-            }
+        // 3DGS prunes what densification leaves: halves by their own scale.
+        let pruned_for_size = |shrink: f64| {
+            let is_large = scale.max_element() / shrink > densify.max_scale * extent;
+            let is_wide = densify.max_screen.is_some_and(|share| radius > share);
+            densifies && done > densify.opacity_reset_interval && (is_large || is_wide)
+        };
+        let kept = if pruned_for_size(1.0) {
+            Fate::Prune(Reason::Size)
+        } else {
+            Fate::Keep
+        };
+        let opacity = 1.0 / (1.0 + (-f64::from(gathered.opacity_logits[i])).exp());
+        if densifies && opacity < densify.min_opacity {
+            return Judgement::of(Fate::Prune(Reason::Opacity));
         }
         if schedule::prunes_by_coverage(config, done) && anisotropy > tau {
-            return (Fate::Prune(Reason::Anisotropy), anisotropy / tau);
+            return Judgement {
+                fate: Fate::Prune(Reason::Anisotropy),
+                score: anisotropy / tau,
+                otherwise: kept,
+            };
         }
-        if schedule::densifies(config, done) && n_views > 0.0 {
+        if densifies && n_views > 0.0 {
             let aware = rules.densify && done >= rules.start;
             let threshold = if aware {
                 rules.delta_min + (rules.delta_max - rules.delta_min) * (1.0 - norm_q)
@@ -173,25 +205,33 @@ impl Rules<'_> {
                 densify.gradient_threshold
             };
             let gradient = gradient_sum / n_views;
-            if gradient > threshold && !(aware && anisotropy > tau) {
+            if gradient >= threshold && !(aware && anisotropy > tau) {
                 let small = scale.max_element() <= densify.split_scale * extent;
-                return (
-                    if small { Fate::Clone } else { Fate::Split },
-                    gradient / threshold,
-                );
+                let (fate, shrink) = if small {
+                    (Fate::Clone, 1.0)
+                } else {
+                    (Fate::Split, SPLIT_SHRINK)
+                };
+                if !pruned_for_size(shrink) {
+                    return Judgement {
+                        fate,
+                        score: gradient / threshold,
+                        otherwise: kept,
+                    };
+                }
             }
         }
-        (Fate::Keep, 0.0)
+        Judgement::of(kept)
     }
 }
 
 /// Kept Gaussians first, in order; then the clones; then the halves of the split ones (3DGS).
-fn carry_out(gathered: &Gathered, fates: &[(Fate, f64)], seed: u64, done: u32) -> Plan {
+fn carry_out(gathered: &Gathered, fates: &[Judgement], seed: u64, done: u32) -> Plan {
     let mut plan = Plan::default();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(STREAM | u64::from(done));
-    for (i, (fate, _)) in fates.iter().enumerate() {
-        match fate {
+    for (i, judgement) in fates.iter().enumerate() {
+        match judgement.fate {
             Fate::Keep | Fate::Clone => plan.push(i, 0, DVec3::ZERO, 0.0),
             Fate::Prune(Reason::Opacity) => plan.counts.pruned_opacity += 1,
             Fate::Prune(Reason::Size) => plan.counts.pruned_size += 1,
@@ -202,7 +242,7 @@ fn carry_out(gathered: &Gathered, fates: &[(Fate, f64)], seed: u64, done: u32) -
     for (i, _) in fates
         .iter()
         .enumerate()
-        .filter(|(_, (fate, _))| *fate == Fate::Clone)
+        .filter(|(_, judgement)| judgement.fate == Fate::Clone)
     {
         plan.push(i, NEW, DVec3::ZERO, 0.0);
         plan.counts.cloned += 1;
@@ -210,7 +250,7 @@ fn carry_out(gathered: &Gathered, fates: &[(Fate, f64)], seed: u64, done: u32) -
     for (i, _) in fates
         .iter()
         .enumerate()
-        .filter(|(_, (fate, _))| *fate == Fate::Split)
+        .filter(|(_, judgement)| judgement.fate == Fate::Split)
     {
         let [w, x, y, z] = gathered.rotations_wxyz[i].map(f64::from);
         let rotation = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());

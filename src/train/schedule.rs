@@ -81,27 +81,29 @@ pub fn dropout(config: &Config, iteration: u32) -> (f64, u32) {
 /// Whether densification follows after `done` iterations (3DGS).
 pub fn densifies(config: &Config, done: u32) -> bool {
     let densify = &config.densify;
-    densify.enabled && done > densify.start && done < densify.end && due(done, densify.interval)
+    densify.enabled
+        && done > densify.start
+        && done < densify.end
+        && due(config, done, densify.interval)
 }
 
 /// Whether coverage-aware pruning follows after `done` iterations.
 pub fn prunes_by_coverage(config: &Config, done: u32) -> bool {
     let coverage = &config.coverage;
-    coverage.prune
-        && done >= coverage.start
-        && done < config.iterations
-        && due(done, coverage.interval)
+    coverage.prune && done >= coverage.start && due(config, done, coverage.interval)
 }
 
 /// Whether the opacities are reset after `done` iterations (3DGS).
 pub fn resets_opacity(config: &Config, done: u32) -> bool {
     let densify = &config.densify;
     densify.enabled
-        && done < densify.end.min(config.iterations)
+        && done < densify.end
         && done <= densify.opacity_reset_end
-        && due(done, densify.opacity_reset_interval)
+        && due(config, done, densify.opacity_reset_interval)
 }
 
-fn due(done: u32, interval: u32) -> bool {
-    interval > 0 && done > 0 && done.is_multiple_of(interval)
+/// Whether a change of the set that comes every `interval` iterations follows after `done`. None
+/// follows the last iteration: no step would train what it leaves, and 3DGS saves before it.
+fn due(config: &Config, done: u32, interval: u32) -> bool {
+    interval > 0 && done > 0 && done < config.iterations && done.is_multiple_of(interval)
 }

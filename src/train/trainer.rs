@@ -322,7 +322,8 @@ impl<'a> Trainer<'a> {
     /// Densifies, prunes and resets as the schedule says after `done` iterations.
     fn change(&mut self, done: u32) -> Result<()> {
         let (config, clock) = (self.config, Instant::now());
-        if schedule::densifies(config, done) || schedule::prunes_by_coverage(config, done) {
+        let densifies = schedule::densifies(config, done);
+        if densifies || schedule::prunes_by_coverage(config, done) {
             let gathered = self.optimizer.gather(self.gpu)?;
             let surroundings = Surroundings {
                 coverage: &self.supervision.coverage,
@@ -332,7 +333,7 @@ impl<'a> Trainer<'a> {
             let plan = policy::plan(&gathered, config, &surroundings, done);
             self.unbind();
             self.optimizer
-                .rearrange(self.gpu, &self.optimizer_kernels, &plan)?;
+                .rearrange(self.gpu, &self.optimizer_kernels, &plan, densifies)?;
             let n = self.optimizer.model.n;
             let counts = plan.counts;
             self.plans.push(PlanRecord {

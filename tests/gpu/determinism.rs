@@ -148,7 +148,6 @@ fn a_run_whose_pairs_do_not_fit_at_first_is_equal_to_one_with_room() {
     config.scene.max_points = Some(150);
     // Not so strict that the wide ones below are all pruned.
     config.densify.max_scale = 10.0;
-    config.densify.max_screen = 10.0;
     let prepared = prepare(&small_scene(), &config, &mut Seconds::default()).expect("a sphere");
     let Prepared {
         supervision,
