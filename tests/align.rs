@@ -95,6 +95,7 @@ fn a_camera_sees_in_the_new_frame_what_it_saw_in_the_old_one() {
     let frame = Frame {
         center: DVec3::new(0.1, 0.2, 0.3),
         radius: 2.5,
+        extent: 2.5,
     };
     let back = frame.camera_to_world(&frame.camera_to_canonical(&camera));
     assert!(back.translation.abs_diff_eq(camera.translation, 1e-14));

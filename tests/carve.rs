@@ -217,7 +217,7 @@ fn twin(mut points: PointCloud, views: &[View], config: &CarveConfig) -> (PointC
     for _ in 0..config.max_rounds {
         let mut kept = vec![true; points.len()];
         for View { camera, image, .. } in views {
-            let winners = brute_force(&points, camera, 1, NEAR);
+            let winners = brute_force(&points, camera, NEAR);
             let depth = |k: usize| {
                 f64::from((camera.rotation * points.positions[k] + camera.translation).z as f32)
             };

@@ -39,6 +39,37 @@ fn axes_that_cross_give_their_crossing_and_the_greatest_distance() {
 }
 
 #[test]
+fn one_camera_far_away_moves_the_sphere_but_not_the_extent_and_the_near_plane() {
+    let target = dvec3(1.0, -2.0, 0.5);
+    let of = |cameras: &[Camera]| Focus::find(cameras, &PointCloud::default()).unwrap();
+    let ordinary = of(&ring(4, target));
+    // Bit for bit: nothing changes where no camera is far.
+    assert_eq!(ordinary.extent, ordinary.radius);
+    assert_eq!(ordinary.frame().near(0.01), 0.01);
+    let reach = 13f64.sqrt();
+    for far in [50.0, 1e4] {
+        let mut cameras = ring(4, target);
+        cameras.push(camera(target + dvec3(0.0, far, 0.0), target));
+        let focus = of(&cameras);
+        assert!((focus.radius - far).abs() < 1e-6 * far);
+        assert!(
+            (focus.extent - 2.0 * reach).abs() < 1e-6 * reach,
+            "{focus:?}"
+        );
+        let near = focus.frame().near(0.01) * focus.radius;
+        assert!((near - 0.02 * reach).abs() < 1e-6, "{near}");
+    }
+    // Nor does one that stands at the focus.
+    let mut cameras = ring(1, target);
+    cameras.push(camera(
+        target + dvec3(1e-6, 0.0, 0.0),
+        target + dvec3(3.0, 0.0, 0.0),
+    ));
+    let focus = of(&cameras);
+    assert_eq!(focus.extent, focus.radius);
+}
+
+#[test]
 fn skew_axes_give_the_least_squares_point() {
     // Axes along x at z = 1 and along y at z = -2: midway between them, above the crossing.
     let cameras = [
@@ -331,6 +362,7 @@ fn field_directions_point_to_the_cameras_even_from_a_camera_at_the_focus() {
     let focus = Focus {
         center: target,
         radius: 13f64.sqrt(),
+        extent: 13f64.sqrt(),
         fallback: None,
     };
     let field = Field::new(&cameras, &focus, &paper().field);

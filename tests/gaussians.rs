@@ -135,6 +135,7 @@ fn gaussians_start_as_3dgs_does() {
     let frame = Frame {
         center: dvec3(1.0, 2.0, 3.0),
         radius: 4.0,
+        extent: 4.0,
     };
     let gaussians = Gaussians::from_cloud(&points, &frame, &paper().model).unwrap();
     assert_eq!(gaussians.len(), 4);
@@ -183,6 +184,7 @@ fn what_cannot_become_gaussians_is_an_error() {
     let tiny = Frame {
         center: DVec3::ZERO,
         radius: 1e-60,
+        extent: 1e-60,
     };
     let text = error(&cloud(vec![DVec3::ZERO, DVec3::X]), &tiny, &model);
     assert!(text.contains("cloud point 1"), "{text}");

@@ -85,6 +85,7 @@ fn ply_is_written_in_the_scenes_own_frame() {
     let frame = Frame {
         center: dvec3(10.0, -5.0, 2.5),
         radius: 4.0,
+        extent: 4.0,
     };
     let gaussians = distinct(20, 0);
     write_ply(&path, &gaussians, &frame).unwrap();

@@ -3,7 +3,7 @@
 use glam::{DVec3, dvec3};
 use gspotential::camera::{Camera, Frame};
 use gspotential::cloud::visibility::{Support, Visibility, candidate_shares};
-use gspotential::config::{Config, SplatConfig, VisibilityConfig};
+use gspotential::config::{Config, Footprint, SplatConfig, VisibilityConfig};
 use gspotential::field::{Field, Focus};
 use gspotential::pipeline::prepare;
 use gspotential::run::Seconds;
@@ -16,7 +16,9 @@ use crate::splat::brute_force;
 
 const NEAR: f64 = 0.01;
 const BARE: SplatConfig = SplatConfig {
-    size_px: 1,
+    footprint: Footprint::Pixel,
+    max_radius_px: 4.0,
+    depth_tolerance: 0.02,
     filter_window_px: 1,
     filter_min_neighbors: 0,
     min_confidence: 0.0,
@@ -44,10 +46,7 @@ fn twin(
     view: &Camera,
     config: &VisibilityConfig,
 ) -> Support {
-    let maps: Vec<_> = train
-        .iter()
-        .map(|c| brute_force(points, c, 1, NEAR))
-        .collect();
+    let maps: Vec<_> = train.iter().map(|c| brute_force(points, c, NEAR)).collect();
     let depth = |c: &Camera, p: DVec3| (c.rotation * p + c.translation).z;
     let sees = |i: usize, p: DVec3| {
         let c = &train[i];
@@ -61,7 +60,7 @@ fn twin(
                 q.z <= depth(c, points.positions[nearest]) * (1.0 + config.depth_tolerance)
             })
     };
-    let winners = brute_force(points, view, 1, NEAR);
+    let winners = brute_force(points, view, NEAR);
     let covered: Vec<DVec3> = winners
         .iter()
         .flatten()
@@ -204,6 +203,7 @@ fn supports_do_not_depend_on_unit_origin_or_number_of_threads() {
     let frame = Frame {
         center: dvec3(8.0, -16.0, 32.0),
         radius: 1024.0,
+        extent: 1024.0,
     };
     let moved = |cameras: &[Camera]| -> Vec<Camera> {
         let moved = |c: &Camera| Camera {
@@ -258,15 +258,22 @@ fn cameras(scene: &Scene) -> Vec<Camera> {
 #[test]
 fn the_estimate_in_miniature_is_close_to_the_full_share() {
     let scene = builtin();
-    let train = cameras(&scene);
-    let mut config = paper();
-    config.field.n_candidates = 128;
+    for footprint in [Footprint::Pixel, Footprint::Disc] {
+        let mut config = paper();
+        config.field.n_candidates = 128;
+        config.splat.footprint = footprint;
+        estimate_holds(&scene, &config);
+    }
+}
+
+fn estimate_holds(scene: &Scene, config: &Config) {
+    let train = cameras(scene);
     let focus = Focus::find(&train, &scene.cloud).unwrap();
     let frame = focus.frame();
     let field = Field::new(&train, &focus, &config.field);
-    let views = candidates(&train, &focus, &field, &config).unwrap();
+    let views = candidates(&train, &focus, &field, config).unwrap();
     let views: Vec<Camera> = views.into_iter().map(|v| v.camera).collect();
-    let estimate = candidate_shares(&views, &scene.cloud, &frame, &train, &config).unwrap();
+    let estimate = candidate_shares(&views, &scene.cloud, &frame, &train, config).unwrap();
     let whole = Visibility::new(
         &scene.cloud,
         &scene.cloud,

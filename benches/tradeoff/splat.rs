@@ -1,10 +1,10 @@
-//! The side of a splatted point's square against the images of the bare point splat.
+//! The footprint of a splatted point against the images of the bare point splat.
 
 use gspotential::camera::Camera;
 use gspotential::cloud::splat::splat_views;
-use gspotential::config::Config;
+use gspotential::config::{Config, Footprint, SplatConfig};
 use gspotential::error::Result;
-use gspotential::eval::score_point_splat;
+use gspotential::eval::score_splats;
 use gspotential::field::Focus;
 use gspotential::scene::Scene;
 
@@ -21,31 +21,32 @@ pub fn measure(scene: &Scene, config: &Config, rounds: usize) -> Result<Vec<Meas
     };
     let frame = Focus::find(&cameras(&scene.train), &scene.cloud)?.frame();
     let test = cameras(&scene.test);
-    let sizes = [1, 2, 3, 4, 6, 8];
-    let with = |size_px: u32| {
-        let mut config = config.clone();
-        config.splat.size_px = size_px;
-        config
+    let train = cameras(&scene.train);
+    let footprints = [("pixel", Footprint::Pixel), ("disc", Footprint::Disc)];
+    let splat = |footprint: Footprint| {
+        let settings = SplatConfig {
+            footprint,
+            ..config.splat.clone()
+        };
+        let near = config.model.near;
+        splat_views(&scene.cloud, &frame, (&test, &train), &settings, near)
     };
-    let mut best = [f64::INFINITY; 6];
+    let mut best = [f64::INFINITY; 2];
     for _ in 0..rounds {
-        for (best, size_px) in best.iter_mut().zip(sizes) {
-            let settings = with(size_px);
-            let near = config.model.near;
-            let seconds =
-                of_cpu(|| splat_views(&scene.cloud, &frame, &test, &settings.splat, near))?;
+        for (best, (_, footprint)) in best.iter_mut().zip(footprints) {
+            let seconds = of_cpu(|| splat(footprint))?;
             *best = best.min(seconds / test.len().max(1) as f64);
         }
     }
     let mut measured = Vec::new();
-    for (size_px, seconds) in sizes.into_iter().zip(best) {
-        let score = score_point_splat(&scene.cloud, &frame, &scene.test, &with(size_px))?;
+    for ((name, footprint), seconds) in footprints.into_iter().zip(best) {
+        let score = score_splats(&splat(footprint)?, &scene.test)?;
         for (choice, psnr) in [(ALL, score.psnr), (COVERED, score.psnr_covered)] {
             let psnr = psnr.unwrap_or(f64::NAN);
             measured.push(Measured {
                 choice,
-                setting: format!("{size_px} px"),
-                kept: size_px == config.splat.size_px,
+                setting: name.to_owned(),
+                kept: footprint == config.splat.footprint,
                 seconds,
                 error: 10f64.powf(-psnr / 20.0),
                 note: format!("{psnr:.2} dB, {:.1} % covered", 100.0 * score.coverage),

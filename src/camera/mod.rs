@@ -46,6 +46,11 @@ impl Camera {
         -self.rotation.row(1)
     }
 
+    /// Geometric mean of the focal lengths, pixels.
+    pub fn mean_focal(&self) -> f64 {
+        (self.fx * self.fy).sqrt()
+    }
+
     /// Where a point of the world falls in the image, pixels, and its depth.
     pub fn project(&self, p: DVec3) -> (DVec2, f64) {
         let q = self.rotation * p + self.translation;
@@ -182,13 +187,22 @@ pub fn bounded_size((width, height): (u32, u32), side: u32, bound: u32) -> (u32,
 pub struct Frame {
     pub center: DVec3,
     pub radius: f64,
+    /// The scene's extent, at most `radius`, world units: [`Focus::extent`](crate::field::Focus::extent).
+    pub extent: f64,
 }
 
 impl Frame {
     pub const IDENTITY: Frame = Frame {
         center: DVec3::ZERO,
         radius: 1.0,
+        extent: 1.0,
     };
+
+    /// The near plane, canonical, that lies at a `share` of the scene's extent. Of the extent and not
+    /// of `R`: one camera far away must not clip what the others see.
+    pub fn near(&self, share: f64) -> f64 {
+        share * (self.extent / self.radius)
+    }
 
     pub fn to_canonical(&self, p: DVec3) -> DVec3 {
         (p - self.center) / self.radius

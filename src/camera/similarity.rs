@@ -84,6 +84,7 @@ impl Similarity {
         Frame {
             center: self.point(frame.center),
             radius: self.scale * frame.radius,
+            extent: self.scale * frame.extent,
         }
     }
 }

@@ -21,7 +21,7 @@ Angles are degrees about the point that the cameras look at. Azimuth 0 is the fi
 view; it grows to the right of someone who stands there and looks at the scene. Uncovered is
 1 - U_info where that is positive: 0 where a photograph was taken from, 1 where none informs.
 One more photograph is advised where it leaves the least uncovered on average, among the places
-that are uncovered at least half as much as the worst.";
+that are uncovered at least half as much as the worst; nowhere where the cameras look outward.";
 
 /// Show where the photographs of a scene leave holes, and where one more would help most
 ///
@@ -102,19 +102,32 @@ fn text(report: &FieldReport) -> String {
                 .map_or_else(String::new, |a| format!("{a:.0}")),
         ]);
     }
-    let (gaps, advice) = (&report.uncovered, &report.advice);
+    let gaps = &report.uncovered;
     let percent = |share: f64| format!("{:.0} %", 100.0 * share);
     // Names come from files.
     let near = |nearest: &Option<String>| {
         let name = nearest.as_deref().unwrap_or_default();
         name.escape_debug().to_string()
     };
+    let advised = match &report.advice {
+        Some(advice) => format!(
+            "One more photograph helps most at azimuth {:.0}, elevation {:.0}: it leaves {} uncovered.\n{}",
+            advice.place.azimuth,
+            advice.place.elevation,
+            percent(advice.mean_uncovered),
+            route(
+                &near(&advice.place.nearest),
+                advice.to_the_right,
+                advice.upwards
+            ),
+        ),
+        None => "The cameras look outward, so no place around the focus is advised for one more photograph."
+            .to_owned(),
+    };
     format!(
         "### {}\n\n{table}\n\
          At elevations from {:.0} to {:.0} degrees, {} is uncovered on average. The largest hole is at \
-         azimuth {:.0}, elevation {:.0} ({} uncovered, {:.0} degrees from `{}`).\n\n\
-         One more photograph helps most at azimuth {:.0}, elevation {:.0}: it leaves {} uncovered.\n\
-         {}\n",
+         azimuth {:.0}, elevation {:.0} ({} uncovered, {:.0} degrees from `{}`).\n\n{}\n",
         report.scene.escape_debug(),
         gaps.elevations[0],
         gaps.elevations[1],
@@ -124,14 +137,7 @@ fn text(report: &FieldReport) -> String {
         percent(gaps.worst_value),
         gaps.worst.nearest_angle.unwrap_or_default(),
         near(&gaps.worst.nearest),
-        advice.place.azimuth,
-        advice.place.elevation,
-        percent(advice.mean_uncovered),
-        route(
-            &near(&advice.place.nearest),
-            advice.to_the_right,
-            advice.upwards
-        ),
+        advised,
     )
 }
 

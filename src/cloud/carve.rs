@@ -67,7 +67,7 @@ pub fn carve(
         let accused: Vec<Vec<usize>> = witnesses
             .par_iter()
             .map_init(ZBuffer::default, |z_buffer, witness| {
-                points.draw(&witness.camera, 1, near, z_buffer);
+                points.draw_pixels(&witness.camera, near, z_buffer);
                 witness.accused(z_buffer, &carved.cloud.colors, config)
             })
             .collect();

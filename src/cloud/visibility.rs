@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::camera::{Camera, Frame};
 use crate::cloud::splat::{self, Filter, Points, ZBuffer};
-use crate::config::{Config, SplatConfig, VisibilityConfig};
+use crate::config::{Config, Footprint, SplatConfig, VisibilityConfig};
 use crate::error::Result;
 use crate::scene::{PointCloud, thin};
 
@@ -17,6 +17,10 @@ const DEPTH_MAP_PX: u32 = 128;
 /// image shrunk alike, so that a pixel gets as many of them and as many gaps. A share is a mean
 /// over pixels, for which some thousand will do.
 const CANDIDATE_POINTS: usize = 8192;
+
+/// The same for discs: more, since one answers for several pixels, so that pixels are fewer
+/// independent samples of a share.
+const CANDIDATE_DISCS: usize = 2 * CANDIDATE_POINTS;
 
 /// But no longer side of a candidate's splat is more pixels than this.
 const CANDIDATE_PX: u32 = 192;
@@ -88,6 +92,8 @@ impl Visibility {
                     .collect()
             })
             .collect();
+        let mut points = Points::new(cloud, frame)?;
+        points.measure_discs(frame, train);
         let mut first = vec![0];
         first.extend(seen.iter().scan(0, |end, cameras| {
             *end += cameras.len();
@@ -96,7 +102,7 @@ impl Visibility {
         Ok(Visibility {
             frame: *frame,
             near,
-            points: Points::new(cloud, frame)?,
+            points,
             positions,
             centers: maps.iter().map(|map| map.camera.center()).collect(),
             seen_by: seen.into_iter().flatten().collect(),
@@ -108,7 +114,7 @@ impl Visibility {
     /// What each camera, world frame, shows of the cloud, splatted as `splat` says; in parallel.
     ///
     /// # Errors
-    /// A splat size of 0, an even filter window, or an empty image.
+    /// A largest radius of discs that is too small, an even filter window, or an empty image.
     pub fn measure(&self, cameras: &[Camera], splat: &SplatConfig) -> Result<Vec<Support>> {
         splat::check(cameras, splat)?;
         Ok(cameras
@@ -125,7 +131,7 @@ impl Visibility {
         splat: &SplatConfig,
         (z_buffer, filter): &mut (ZBuffer, Filter),
     ) -> Support {
-        self.points.draw(camera, splat.size_px, self.near, z_buffer);
+        self.points.draw(camera, splat, self.near, z_buffer);
         let eye = camera.center();
         let (mut covered, mut visible) = (0usize, 0usize);
         filter.kept(z_buffer, splat, |_, winner| {
@@ -164,8 +170,13 @@ pub fn candidate_shares(
     train: &[Camera],
     config: &Config,
 ) -> Result<Vec<f64>> {
-    let thinned = thin(cloud, CANDIDATE_POINTS, config.seed);
-    let (near, visibility) = (config.model.near, &config.views.visibility);
+    let n_points = match config.splat.footprint {
+        Footprint::Pixel => CANDIDATE_POINTS,
+        Footprint::Disc => CANDIDATE_DISCS,
+    };
+    let thinned = thin(cloud, n_points, config.seed);
+    let near = frame.near(config.model.near);
+    let visibility = &config.views.visibility;
     let visibility = Visibility::new(&thinned, cloud, frame, train, visibility, near)?;
     let scale = (thinned.len() as f64 / cloud.len().max(1) as f64).sqrt();
     let miniatures: Vec<Camera> = candidates
@@ -190,7 +201,7 @@ impl DepthMap {
     fn new(points: &Points, camera: &Camera, near: f64) -> DepthMap {
         let camera = camera.at_most(DEPTH_MAP_PX);
         let mut z_buffer = ZBuffer::default();
-        points.draw(&camera, 1, near, &mut z_buffer);
+        points.draw_pixels(&camera, near, &mut z_buffer);
         let depths = z_buffer
             .winners()
             .map(|w| w.map_or(f32::INFINITY, |w| w.depth));

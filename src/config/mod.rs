@@ -46,7 +46,9 @@ pub struct SceneConfig {
     pub max_width_px: u32,
     /// Bounds the longer side instead, where given.
     pub max_size_px: Option<u32>,
-    /// Without a split file: number of training views, uniformly over the sorted names.
+    /// Without a split file: number of training views, uniformly over the sorted names: both ends
+    /// among them, or, where the sequence closes (its last camera is a neighbour of its first), around
+    /// the loop.
     pub n_train: usize,
     /// Without a split file: at most this many of the other views for testing, uniformly.
     pub n_test: usize,
@@ -173,12 +175,21 @@ pub struct VisibilityConfig {
     pub mask_angle_deg: Option<f64>,
 }
 
+/// Least radius of a disc, pixels: half a pixel's diagonal and a little, so that a disc holds the
+/// centre of the pixel that its own centre lies in.
+pub const MIN_DISC_RADIUS_PX: f64 = 0.708;
+
 /// Point splatting of the cloud into the virtual views.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SplatConfig {
-    /// Side of a splatted point's square, pixels.
-    pub size_px: u32,
+    /// What a point covers.
+    pub footprint: Footprint,
+    /// Greatest radius of a disc, pixels; the least is 0.708. Nothing to `pixel`.
+    pub max_radius_px: f64,
+    /// Discs that lie at most this share of the depth behind the nearest one in a pixel blend with
+    /// it; those farther back are hidden. Nothing to `pixel`.
+    pub depth_tolerance: f64,
     /// Side of the connectivity filter's window, pixels, odd.
     pub filter_window_px: u32,
     /// Pixels with fewer valid neighbours in the window are removed; 0 switches the filter off.
@@ -186,6 +197,16 @@ pub struct SplatConfig {
     /// Points whose confidence is below this share of the cloud's median are not drawn; 0 draws
     /// all, as do clouds without confidence.
     pub min_confidence: f64,
+}
+
+/// What a splatted point covers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Footprint {
+    /// The pixel that it falls into; points behind a surface show through its gaps.
+    Pixel,
+    /// A disc as large as its source pixel, with a visibility pass: surface splatting.
+    Disc,
 }
 
 /// The Gaussians at the start.
@@ -203,7 +224,8 @@ pub struct ModelConfig {
     /// Upper bound of the initial scale (3-nearest-neighbour distance) as a multiple of the
     /// median over the cloud: isolated points would fog whole views. null: no bound, as in 3DGS.
     pub max_initial_scale_ratio: Option<f64>,
-    /// Near plane, in `R`.
+    /// Near plane, as a share of the scene's extent: `R`, or twice the median distance of the training
+    /// cameras from the focus where that is less, so that a camera far away clips nothing of the others'.
     pub near: f64,
     /// Background colour of renders, RGB in [0, 1].
     pub background: [f64; 3],

@@ -3,7 +3,7 @@
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 
-use super::{Config, Strategy};
+use super::{Config, MIN_DISC_RADIUS_PX, Strategy};
 use crate::error::{Error, Result};
 
 impl Config {
@@ -51,7 +51,9 @@ impl Config {
         self.validate_visibility()?;
 
         let splat = &self.splat;
-        within("splat.size_px", splat.size_px, 1..=64)?;
+        let radii = MIN_DISC_RADIUS_PX..=64.0;
+        within("splat.max_radius_px", splat.max_radius_px, radii)?;
+        within("splat.depth_tolerance", splat.depth_tolerance, 0.0..=1.0)?;
         let window = splat.filter_window_px;
         odd_window("splat.filter_window_px", window)?;
         let neighbors = window * window - 1;

@@ -8,10 +8,10 @@ use super::stage;
 use super::timing::{Clock, Timing};
 use crate::camera::{Camera, Frame};
 use crate::cloud::splat::splat_views;
-use crate::config::{Config, Kernel};
+use crate::config::{Config, Footprint, Kernel, MIN_DISC_RADIUS_PX, SplatConfig};
 use crate::doctor::twin::cases::Random;
 use crate::doctor::twin::field::{TwinPotentials, potentials};
-use crate::doctor::twin::splat::{filtered, nearest_points};
+use crate::doctor::twin::splat::{blended, filtered, nearest_points, source_radii};
 use crate::doctor::twin::tolerance;
 use crate::error::Result;
 use crate::field::{Field, fibonacci_sphere};
@@ -60,7 +60,7 @@ pub fn examine_field(config: &Config) -> (Findings, Timing) {
 const N_POINTS: usize = 4000;
 const SPLAT_SIZE: (u32, u32) = (97, 63);
 
-/// Holds colours and mask of a splatted cloud, to the pixel.
+/// Holds colours and mask of a splatted cloud: single pixels to the byte, discs to the level.
 ///
 /// # Errors
 /// None in practice: the settings are allowed ones.
@@ -75,58 +75,113 @@ pub fn examine_point_splat(config: &Config) -> Result<(Findings, Timing)> {
             .collect(),
         confidence: None,
     };
-    let camera = {
-        let any = super::rig::camera_of(&crate::doctor::twin::cases::cameras()[0]);
+    let [camera, source] = [0, 1].map(|i| {
+        let any = super::rig::camera_of(&crate::doctor::twin::cases::cameras()[i]);
         any.resized(SPLAT_SIZE.0, SPLAT_SIZE.1)
+    });
+    let case = SplatCase {
+        near: config.model.near,
+        cloud,
+        camera,
+        source,
     };
-    let near = config.model.near;
-    let mut out = Findings::of(format!(
-        "{N_POINTS} points {}x{}",
-        camera.width, camera.height
-    ));
-    let mut seconds = 0.0;
-    for size_px in [1, 2] {
-        let mut splat = config.splat.clone();
-        splat.size_px = size_px;
-        let clock = Clock::start();
-        let cameras = std::slice::from_ref(&camera);
-        let images = splat_views(&cloud, &Frame::IDENTITY, cameras, &splat, near)?;
-        if size_px == 1 {
-            seconds = clock.seconds();
-        }
-        let window = (splat.filter_window_px, splat.filter_min_neighbors);
-        let expected = expected_splat(&cloud, &camera, near, size_px, window);
-        let ours = images.first().map_or(&[][..], |image| &image.rgba);
-        let what = format!("bytes, squares of {size_px}");
-        out.equal((stage::POINT_SPLAT, &what), ours, &expected);
-    }
+    let clock = Clock::start();
+    let mut findings = examine_splat(&case, &splat_config(config, Footprint::Pixel))?;
+    let seconds = clock.seconds();
+    let discs = examine_splat(&case, &splat_config(config, Footprint::Disc))?;
+    findings.list.extend(discs.list);
     let timing = Timing::wall(stage::POINT_SPLAT, N_POINTS, "points", seconds);
-    Ok((out, timing))
+    Ok((findings, timing))
 }
 
-/// RGBA of the splat by brute force.
-fn expected_splat(
-    cloud: &PointCloud,
-    camera: &Camera,
-    near: f64,
-    size_px: u32,
-    (window, min): (u32, u32),
-) -> Vec<u8> {
+fn splat_config(config: &Config, footprint: Footprint) -> SplatConfig {
+    SplatConfig {
+        footprint,
+        ..config.splat.clone()
+    }
+}
+
+/// A cloud to splat into one camera.
+pub struct SplatCase {
+    pub cloud: PointCloud,
+    pub camera: Camera,
+    /// Gives discs their radii.
+    pub source: Camera,
+    pub near: f64,
+}
+
+/// Holds the splat of `case` to brute force.
+///
+/// # Errors
+/// What [`splat_views`] refuses.
+pub fn examine_splat(case: &SplatCase, config: &SplatConfig) -> Result<Findings> {
+    let SplatCase {
+        cloud,
+        camera,
+        source,
+        near,
+    } = case;
+    let mut out = Findings::of(format!(
+        "{} points {}x{}",
+        cloud.len(),
+        camera.width,
+        camera.height
+    ));
+    let one = std::slice::from_ref;
+    let views = (one(camera), one(source));
+    let images = splat_views(cloud, &Frame::IDENTITY, views, config, *near)?;
+    let ours = images.first().map_or(&[][..], |image| &image.rgba);
+    let expected = expected_splat(case, config);
+    let mask: Vec<bool> = ours.chunks_exact(4).map(|p| p[3] == 255).collect();
+    let covered: Vec<bool> = expected.iter().map(Option::is_some).collect();
+    let name = format!("{:?}", config.footprint).to_lowercase();
+    let what = |part: &str| format!("{part}, {name}");
+    out.equal((stage::POINT_SPLAT, &what("mask")), &mask, &covered);
+    let ours: Vec<f64> = ours
+        .chunks_exact(4)
+        .flat_map(|p| [p[0], p[1], p[2]].map(f64::from))
+        .collect();
+    let theirs: Vec<f64> = expected
+        .iter()
+        .flat_map(|color| color.unwrap_or_default())
+        .collect();
+    let bound = match config.footprint {
+        Footprint::Pixel => 0.0,
+        Footprint::Disc => tolerance::SPLAT_LEVELS,
+    };
+    let largest = ours.iter().zip(&theirs).map(|(a, b)| (a - b).abs());
+    let largest = largest.fold(0.0, f64::max);
+    out.add((stage::POINT_SPLAT, &what("levels")), largest, bound);
+    Ok(out)
+}
+
+/// Colour of every pixel by brute force, 0 to 255.
+fn expected_splat(case: &SplatCase, config: &SplatConfig) -> Vec<Option<[f64; 3]>> {
+    let (near, cloud) = (case.near, &case.cloud);
     let points: Vec<[f64; 3]> = cloud.positions.iter().map(DVec3::to_array).collect();
-    let nearest = nearest_points(&points, &twin_of(camera, near), size_px as usize);
-    let covered: Vec<bool> = nearest.iter().map(Option::is_some).collect();
+    let camera = twin_of(&case.camera, near);
+    let colors: Vec<Option<[f64; 3]>> = match config.footprint {
+        Footprint::Pixel => nearest_points(&points, &camera)
+            .into_iter()
+            .map(|nearest| nearest.map(|i| cloud.colors[i].map(f64::from)))
+            .collect(),
+        Footprint::Disc => {
+            let radii = source_radii(&points, &[twin_of(&case.source, near)]);
+            let colored: Vec<_> = points.into_iter().zip(cloud.colors.clone()).collect();
+            let bounds = [MIN_DISC_RADIUS_PX, config.max_radius_px];
+            blended(&colored, &radii, &camera, bounds, config.depth_tolerance)
+        }
+    };
+    let covered: Vec<bool> = colors.iter().map(Option::is_some).collect();
     let kept = filtered(
         &covered,
-        camera.width as usize,
-        window as usize,
-        min as usize,
+        case.camera.width as usize,
+        config.filter_window_px as usize,
+        config.filter_min_neighbors as usize,
     );
-    let texel = |(point, kept): (&Option<usize>, &bool)| match point.filter(|_| *kept) {
-        Some(i) => {
-            let [r, g, b] = cloud.colors[i];
-            [r, g, b, 255]
-        }
-        None => [0; 4],
-    };
-    nearest.iter().zip(&kept).flat_map(texel).collect()
+    colors
+        .into_iter()
+        .zip(kept)
+        .map(|(color, kept)| color.filter(|_| kept))
+        .collect()
 }

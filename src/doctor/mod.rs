@@ -25,6 +25,7 @@ pub mod view;
 
 pub use adapter::{Adapter, Limit, STORAGE_BUFFERS, UNIFORM_BUFFERS, WORKGROUP_BYTES};
 pub use finding::{Finding, Findings};
+pub use host::{SplatCase, examine_splat};
 pub use rig::{
     Context, POISON, Rig, ViewGradients, camera_of, gaussians_of, twin_of, view_of, wide,
 };

@@ -41,6 +41,7 @@ pub fn fit_poses(
         pose_kernels: PoseKernels::new(gpu),
         model: Model::upload(gpu, gaussians, gaussians.len())?,
         config,
+        near: frame.near(config.model.near),
         room: None,
         goal: Vec::new(),
     };
@@ -63,6 +64,8 @@ struct Fit<'a> {
     pose_kernels: PoseKernels,
     model: Model,
     config: &'a Config,
+    /// Canonical.
+    near: f64,
     room: Option<Room>,
     /// Of the view that is being fitted, unpacked.
     goal: Vec<u32>,
@@ -95,7 +98,7 @@ impl Fit<'_> {
     /// The view's loss from `camera`, and its gradient with respect to the pose.
     fn gradient(&mut self, view: &TrainingView, camera: &Camera) -> Result<(f64, [f64; 6])> {
         let (gpu, model) = (self.gpu, &self.config.model);
-        let uniform = ViewUniform::new(camera, model.near, model.background);
+        let uniform = ViewUniform::new(camera, self.near, model.background);
         let w = self.config.loss.ssim_weight;
         let loss = LossUniform::new(view.weight, w, view.total_weight, view.masked);
         let n_pairs = first_pairs(gpu, self.model.n);

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use crate::camera::Frame;
 use crate::cloud::splat::{SplatImage, splat_views};
-use crate::config::{Config, ModelConfig};
+use crate::config::{Config, Footprint, ModelConfig, SplatConfig};
 use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
 use crate::gpu::Gpu;
@@ -118,7 +118,7 @@ pub fn render_model(
 ) -> Result<()> {
     views.iter().try_for_each(|view| {
         let camera = frame.camera_to_canonical(&view.camera);
-        let uniform = ViewUniform::new(&camera, config.near, config.background);
+        let uniform = ViewUniform::new(&camera, frame.near(config.near), config.background);
         let rendered = renderer
             .render(model, &uniform)
             .map_err(|e| e.at(&camera.name))?;
@@ -202,8 +202,8 @@ fn score_masked(
     }))
 }
 
-/// The pixels of each view on which the bare splat of `cloud` puts a point, splatted as the virtual
-/// views are.
+/// The pixels of each view on which the bare splat of `cloud` puts a point: one pixel a point, then
+/// the connectivity filter.
 ///
 /// # Errors
 /// What [`splat_views`] refuses.
@@ -224,10 +224,21 @@ fn splat_test_views(
     config: &Config,
 ) -> Result<Vec<SplatImage>> {
     let cameras: Vec<_> = views.iter().map(|view| view.camera.clone()).collect();
-    splat_views(cloud, frame, &cameras, &config.splat, config.model.near)
+    // One pixel whatever the virtual views' footprint is, so that runs have a common measure.
+    let splat = SplatConfig {
+        footprint: Footprint::Pixel,
+        ..config.splat.clone()
+    };
+    splat_views(
+        cloud,
+        frame,
+        (&cameras, &[]),
+        &splat,
+        frame.near(config.model.near),
+    )
 }
 
-/// Errors of the bare point splat of a cloud at `views`, splatted as the virtual views are.
+/// Errors of the bare point splat of a cloud at `views`: one pixel a point, black where there is none.
 ///
 /// # Errors
 /// What [`splat_views`] refuses.
@@ -237,7 +248,14 @@ pub fn score_point_splat(
     views: &[View],
     config: &Config,
 ) -> Result<PointSplatScore> {
-    let splats = splat_test_views(cloud, frame, views, config)?;
+    score_splats(&splat_test_views(cloud, frame, views, config)?, views)
+}
+
+/// Errors of splats at `views`, one each.
+///
+/// # Errors
+/// An image whose size is not its view's.
+pub fn score_splats(splats: &[SplatImage], views: &[View]) -> Result<PointSplatScore> {
     let scores = splats.par_iter().zip(views).map(|(splat, view)| {
         let rgb = splat
             .rgba

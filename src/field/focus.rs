@@ -22,6 +22,14 @@ pub struct Focus {
     pub center: DVec3,
     /// `R`, the greatest distance of a training camera from `c`, world units; positive.
     pub radius: f64,
+    /// The scene's extent, world units; positive and at most `R`: `R`, or twice the median distance of
+    /// the training cameras from `c` where that is less. No single camera decides it.
+    ///
+    /// Tolerances and planes that should fit what is photographed are shares of it and not of `R`,
+    /// which one camera far away makes as large as it likes. Where no camera is over twice as far as
+    /// the median one, the two are the same number. The median is the lower of two, without cameras that
+    /// are a thousand times nearer than the upper of two: they stand at `c` itself and have no distance.
+    pub extent: f64,
     /// For the log: why `c` is not the paper's, and what it is instead.
     pub fallback: Option<String>,
 }
@@ -107,6 +115,7 @@ impl Focus {
         Focus {
             center,
             radius,
+            extent: robust_extent(cameras, center, radius),
             fallback: None,
         }
         .checked()
@@ -117,6 +126,7 @@ impl Focus {
         Frame {
             center: self.center,
             radius: self.radius,
+            extent: self.extent,
         }
     }
 
@@ -166,9 +176,11 @@ fn along_axis(
         .way_out("choose views whose axes cross, or check that cloud and poses share one frame")
     })?;
     let center = origin + axis * depth;
+    let radius = greatest_distance(cameras, center);
     Focus {
         center,
-        radius: greatest_distance(cameras, center),
+        radius,
+        extent: robust_extent(cameras, center, radius),
         fallback: Some(format!(
             "{why}: the focus is the cloud's weighted median along the mean axis"
         )),
@@ -181,6 +193,19 @@ fn greatest_distance(cameras: &[Camera], center: DVec3) -> f64 {
         .iter()
         .map(|c| c.center().distance(center))
         .fold(0.0, f64::max)
+}
+
+/// [`Focus::extent`].
+fn robust_extent(cameras: &[Camera], center: DVec3, radius: f64) -> f64 {
+    let mut distances: Vec<f64> = cameras
+        .iter()
+        .map(|c| c.center().distance(center))
+        .collect();
+    let typical = median(&mut distances).unwrap_or(radius);
+    distances.retain(|distance| *distance > MIN_RADIUS_RATIO * typical);
+    distances.sort_unstable_by(f64::total_cmp);
+    let lower = distances.len().saturating_sub(1) / 2;
+    distances.get(lower).map_or(radius, |d| radius.min(2.0 * d))
 }
 
 /// The median (the upper one of two), or `None` for nothing.

@@ -2,7 +2,9 @@
 
 mod focus;
 pub mod gaps;
+mod outlook;
 mod potential;
 
 pub use focus::Focus;
+pub use outlook::Outlook;
 pub use potential::{Coverage, Field, angle, fibonacci_sphere};

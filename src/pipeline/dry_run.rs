@@ -49,6 +49,9 @@ pub fn dry_run(job: &TrainJob) -> Result<DryRun> {
     let (scene, config) = (job.load()?, &job.config);
     let begin = Instant::now();
     let prepared = prepare(&scene, config, &mut Seconds::default())?;
+    for warning in &prepared.warnings {
+        log::warn!("{warning}");
+    }
     let prepare_s = begin.elapsed().as_secs_f64();
     let config = fitted(config, gpu, prepared.start.len())?;
     let memory = Forecast::new(gpu, &scene, &prepared, &config);

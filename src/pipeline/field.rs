@@ -9,7 +9,7 @@ use crate::camera::compass::Compass;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::field::gaps::{Gaps, uncovered};
-use crate::field::{Field, Focus, angle};
+use crate::field::{Field, Focus, Outlook, angle};
 use crate::report::plot::{MapMark, SphereMap};
 use crate::scene::Scene;
 
@@ -30,7 +30,10 @@ pub struct FieldReport {
     /// In the order of the draw.
     pub virtual_views: Vec<Place>,
     pub uncovered: Uncovered,
-    pub advice: Advice,
+    /// The training cameras that have the focus behind them.
+    pub looking_away: Vec<String>,
+    /// None where the cameras look outward: places around the focus that look at it would not help.
+    pub advice: Option<Advice>,
 }
 
 /// A direction about the focus.
@@ -96,6 +99,8 @@ pub fn field(scene: &Scene, config: &Config) -> Result<FieldMaps> {
     let views = choose_views(&training, (&focus, &map.field), cloud, config)?;
     let gaps = Gaps::find(&map.field, &map.compass)
         .ok_or_else(|| Error::new("no training camera to look for gaps with"))?;
+    let outlook = Outlook::of(&training, &focus);
+    let advised = (!outlook.is_outward()).then_some(gaps.advice);
     let drawn: Vec<DVec3> = views.iter().map(|view| view.direction).collect();
     let report = FieldReport {
         scene: scene.name.clone(),
@@ -113,12 +118,17 @@ pub fn field(scene: &Scene, config: &Config) -> Result<FieldMaps> {
             worst: map.place("", gaps.worst),
             worst_value: gaps.worst_value,
         },
-        advice: map.advice(&gaps, &focus),
+        looking_away: outlook.away.iter().map(|i| map.names[*i].clone()).collect(),
+        advice: advised.map(|_| map.advice(&gaps, &focus)),
     };
     Ok(FieldMaps {
         potential_svg: map.potential_svg(&drawn)?,
-        gaps_svg: map.gaps_svg(gaps.advice)?,
-        warnings: focus.fallback.into_iter().collect(),
+        gaps_svg: map.gaps_svg(advised)?,
+        warnings: focus
+            .fallback
+            .into_iter()
+            .chain(outlook.warning(&training))
+            .collect(),
         report,
     })
 }
@@ -187,16 +197,14 @@ impl Surveyed {
         .to_svg()
     }
 
-    fn gaps_svg(&self, advice: DVec3) -> Result<String> {
+    fn gaps_svg(&self, advice: Option<DVec3>) -> Result<String> {
+        let one_more = advice.map(|advice| mark("one more", vec![advice], ADVICE_COLOR, 6));
         SphereMap {
             title: "What the photographs leave uncovered".to_owned(),
             color_label: "uncovered".to_owned(),
             value: &|d| uncovered(&self.field, d),
             compass: self.compass,
-            marks: vec![
-                self.training_mark(),
-                mark("one more", vec![advice], ADVICE_COLOR, 6),
-            ],
+            marks: [self.training_mark()].into_iter().chain(one_more).collect(),
         }
         .to_svg()
     }

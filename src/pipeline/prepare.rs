@@ -11,7 +11,7 @@ use crate::cloud::splat::{SplatImage, fill_holes, splat_where};
 use crate::cloud::visibility::{Visibility, candidate_shares};
 use crate::config::{Config, VisibilityConfig};
 use crate::error::Result;
-use crate::field::{Coverage, Field, Focus, fibonacci_sphere};
+use crate::field::{Coverage, Field, Focus, Outlook, fibonacci_sphere};
 use crate::gaussians::Gaussians;
 use crate::run::Seconds;
 use crate::scene::{Image, PointCloud, Scene, View, thin};
@@ -69,7 +69,9 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     if let Some(shell) = shell {
         start.extend(shell.gaussians(mean_color(&scene.train), config.model.sh_degree));
     }
+    let outlook = Outlook::of(&train_cameras, &focus);
     let mut warnings: Vec<String> = focus.fallback.into_iter().collect();
+    warnings.extend(outlook.warning(&train_cameras));
     warnings.extend(carved.as_ref().and_then(|c| c.warning.clone()));
     if is_cut_out(scene) && (config.shell.count > 0 || config.loss.fill_weight > 0.0) {
         warnings.push(
@@ -87,7 +89,14 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     }
     let supervision = Supervision {
         shell,
-        ..supervision(scene, &frame, coverage, &virtual_views, goals)
+        ..supervision(
+            scene,
+            &frame,
+            coverage,
+            &virtual_views,
+            goals,
+            config.model.near,
+        )
     };
     seconds.gaussians = Some(clock.lap());
     Ok(Prepared {
@@ -115,7 +124,7 @@ fn is_cut_out(scene: &Scene) -> bool {
 
 /// The scene's cloud after carving, where `config` asks for it.
 pub(super) fn carved(scene: &Scene, frame: &Frame, config: &Config) -> Result<Option<Carved>> {
-    let near = config.model.near;
+    let near = frame.near(config.model.near);
     config
         .carve
         .enabled
@@ -156,7 +165,7 @@ fn splatted(
     fill_weight: f64,
     config: &Config,
 ) -> Result<Vec<Goal>> {
-    let near = config.model.near;
+    let near = frame.near(config.model.near);
     let visibility = &config.views.visibility;
     let seen = visibility.mask_angle_deg.map(|max_angle_deg| {
         let within = VisibilityConfig {
@@ -173,7 +182,7 @@ fn splatted(
     let mut progress = Progress::stage("splatting", cameras.len() as u32);
     let mut goals = Vec::with_capacity(cameras.len());
     for part in cameras.chunks(portion) {
-        let splats = splat_where(cloud, frame, part, &config.splat, near, shows)?;
+        let splats = splat_where(cloud, frame, (part, train), &config.splat, near, shows)?;
         goals.extend(virtual_goals(splats, fill_weight));
         progress.advance(goals.len() as u32);
     }
@@ -188,6 +197,7 @@ fn supervision(
     coverage: Coverage,
     virtual_views: &[VirtualView],
     goals: Vec<Goal>,
+    near: f64,
 ) -> Supervision {
     let real = scene
         .train
@@ -199,6 +209,7 @@ fn supervision(
     let real: Vec<TrainingView> = real.collect();
     Supervision {
         extent: extent(&real),
+        near: frame.near(near),
         real,
         virtual_views: virtual_views.collect(),
         coverage,

@@ -53,7 +53,7 @@ pub fn render(job: &RenderJob) -> Result<usize> {
     let mut renderer = Renderer::new(&gpu, &kernels);
     let names: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
     let files = file_names(&names, "png");
-    let near = config.model.near;
+    let near = frame.near(config.model.near);
     let mut render = |i: usize| {
         let camera = frame.camera_to_canonical(&cameras[i]);
         let path = job.out.join(&files[i]);
@@ -198,8 +198,10 @@ fn around(cameras: &[Camera]) -> Frame {
         .iter()
         .map(|c| c.center().distance(center))
         .fold(0.0, f64::max);
+    let radius = if reach > 0.0 { reach } else { 1.0 };
     Frame {
         center,
-        radius: if reach > 0.0 { reach } else { 1.0 },
+        radius,
+        extent: radius,
     }
 }

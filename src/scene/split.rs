@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use glam::DVec3;
 use serde::Deserialize;
 
 use super::images::Matched;
@@ -10,6 +11,11 @@ use super::layout::NamedSplit;
 use super::{LoadOptions, Scene, View};
 use crate::error::{Error, Result};
 use crate::files::bytes::read_regular;
+
+/// The shortest sequence that counts as a loop.
+const MIN_LOOP: usize = 8;
+/// The greatest median step of a loop, as a share of how far it leads away from its first camera.
+const MAX_STEP: f64 = 0.4;
 
 /// Indices of the views, in the order of the list or the protocol that chose them.
 #[derive(Debug)]
@@ -26,7 +32,8 @@ struct SplitFile {
 }
 
 /// Training views are those of `options.train_views`, else of `split.json`, else of the
-/// format's `own` split, else `n_train` uniformly over the sorted names; test views are those of
+/// format's `own` split, else `n_train` uniformly over the sorted names, the ends among them; where
+/// the sequence closes, uniformly around it, since its first and last view are neighbours. Test views are those of
 /// `options.test_views`, else of `split.json` or else `own`, else up to `n_test` uniformly over
 /// the sorted names of the rest (the paper's protocol).
 ///
@@ -66,7 +73,14 @@ pub(super) fn choose(
                 options.n_train
             ));
         }
-        uniform(&sorted, options.n_train)
+        let centers: Vec<DVec3> = sorted
+            .iter()
+            .map(|i| matched.views[*i].posed.camera.center())
+            .collect();
+        match closes(&centers) {
+            true => around(&sorted, options.n_train),
+            false => uniform(&sorted, options.n_train),
+        }
     };
 
     let test = match (&options.test_views, listed.and_then(|listed| listed.test)) {
@@ -275,6 +289,38 @@ pub(super) fn uniform<T: Clone>(items: &[T], n: usize) -> Vec<T> {
     (0..n)
         .map(|i| items[(2 * i * last + steps) / (2 * steps)].clone())
         .collect()
+}
+
+/// `n` of `items` in a circle at the indices `floor(i N / n)`, all where there are no more.
+fn around<T: Clone>(items: &[T], n: usize) -> Vec<T> {
+    if n >= items.len() {
+        return items.to_vec();
+    }
+    (0..n).map(|i| items[i * items.len() / n].clone()).collect()
+}
+
+/// Whether a sequence of camera centres is a closed loop: its last camera is a neighbour of its first.
+///
+/// That is, the step between them is at most twice the median step of the sequence, and the median
+/// step at most 0.4 of the sequence's diameter, as in a circle of 8 or more: in photographs without
+/// an order, which says nothing of neighbours, it is half of it. Fewer than 8 views are no loop.
+fn closes(centers: &[DVec3]) -> bool {
+    let (Some(first), Some(last)) = (centers.first(), centers.last()) else {
+        return false;
+    };
+    if centers.len() < MIN_LOOP {
+        return false;
+    }
+    let mut steps: Vec<f64> = centers.windows(2).map(|w| w[0].distance(w[1])).collect();
+    let middle = steps.len() / 2;
+    let median = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+    // The farthest from the first is at least half the diameter away, in a circle the whole.
+    let reach = centers
+        .iter()
+        .map(|c| c.distance(*first))
+        .fold(0.0, f64::max);
+    // Cameras that all stand in one place have no order either.
+    median > 0.0 && first.distance(*last) <= 2.0 * median && median <= MAX_STEP * reach
 }
 
 /// Names up to three of `known` that `name` may have been meant as, as a way out.

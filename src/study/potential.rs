@@ -99,11 +99,11 @@ fn predictors(setting: &Setting, run: &Finished) -> Result<[(&'static str, Vec<f
     let directions: Vec<DVec3> = test.iter().map(|c| setting.direction(c)).collect();
     let over = |value: &dyn Fn(DVec3) -> f64| directions.iter().map(|d| value(*d)).collect();
     let (field, config) = (&setting.field, &run.job.config);
-    let near = config.model.near;
+    let near = setting.frame.near(config.model.near);
     let splats = splat_views(
         &setting.scene.cloud,
         &setting.frame,
-        &test,
+        (&test, &cameras(&setting.scene.train)),
         &config.splat,
         near,
     )?;

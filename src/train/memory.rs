@@ -1,7 +1,8 @@
 //! What training's buffers will take, before there are any.
 
 use super::optimizer::{plan_bytes, statistics_bytes, with_room};
-use super::supervision::{Supervision, TrainingView};
+use super::supervision::Supervision;
+use crate::camera::Camera;
 use crate::config::Config;
 use crate::gpu::{Buffer, Gpu};
 use crate::render::{
@@ -116,12 +117,13 @@ pub(super) fn start_capacity(
     config: &Config,
 ) -> Capacity {
     let views = supervision.real.iter().chain(&supervision.virtual_views);
-    let views: Vec<ViewUniform> = views.map(|view| uniform(view, config)).collect();
+    let views: Vec<ViewUniform> = views
+        .map(|view| uniform(&view.camera, supervision, config))
+        .collect();
     Capacity::new(n, first_pairs(gpu, n), &views)
 }
 
-/// A view as the kernels take it.
-pub(super) fn uniform(view: &TrainingView, config: &Config) -> ViewUniform {
-    let model = &config.model;
-    ViewUniform::new(&view.camera, model.near, model.background)
+/// A canonical camera as the kernels take it.
+pub(super) fn uniform(camera: &Camera, supervision: &Supervision, config: &Config) -> ViewUniform {
+    ViewUniform::new(camera, supervision.near, config.model.background)
 }

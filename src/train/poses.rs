@@ -1,11 +1,12 @@
 //! The trainer's cameras: the training views' poses, refined where the config asks for it.
 
+use super::memory::uniform;
 use super::refine::{RefinedPose, pose_rates};
 use super::supervision::TrainingView;
 use super::trainer::Trainer;
 use crate::camera::Camera;
 use crate::error::Result;
-use crate::render::{ViewUniform, read_totals};
+use crate::render::read_totals;
 
 impl Trainer<'_> {
     /// Moves the real view's camera by what the step just submitted has found, where poses are
@@ -22,7 +23,7 @@ impl Trainer<'_> {
         }
         let view = (real, &self.supervision.real[real]);
         let camera = refinement.step(self.gpu, view, rates)?;
-        self.real[real] = ViewUniform::new(&camera, config.model.near, config.model.background);
+        self.real[real] = uniform(&camera, self.supervision, config);
         Ok(())
     }
 
@@ -43,10 +44,9 @@ impl Trainer<'_> {
 
     /// Takes up poses of a state.
     pub(super) fn set_poses(&mut self, poses: Vec<RefinedPose>) {
-        let model = &self.config.model;
         for (k, pose) in poses.iter().enumerate() {
             let camera = pose.camera(&self.supervision.real[k]);
-            self.real[k] = ViewUniform::new(&camera, model.near, model.background);
+            self.real[k] = uniform(&camera, self.supervision, self.config);
         }
         if let Some(refinement) = &mut self.refinement {
             refinement.poses = poses;

@@ -66,6 +66,8 @@ pub struct Supervision {
     /// 3DGS's camera extent in the canonical frame: 1.1 times the greatest distance of a training
     /// camera from their mean.
     pub extent: f64,
+    /// Near plane, canonical.
+    pub near: f64,
     /// The far shell, where the Gaussians have one.
     pub shell: Option<Shell>,
 }

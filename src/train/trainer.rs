@@ -92,7 +92,10 @@ impl<'a> Trainer<'a> {
             return Err(Error::new("no training view"));
         }
         let uniforms = |views: &[TrainingView]| -> Vec<ViewUniform> {
-            views.iter().map(|view| uniform(view, config)).collect()
+            views
+                .iter()
+                .map(|view| uniform(&view.camera, supervision, config))
+                .collect()
         };
         let real = uniforms(&supervision.real);
         let virtual_views = uniforms(&supervision.virtual_views);

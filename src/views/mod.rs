@@ -4,6 +4,7 @@
 //! The paper's is a weighting of the candidate grid ([`potential_weights`]) and a draw from it
 //! ([`draw_without_replacement`]).
 
+mod among;
 mod draw;
 mod place;
 mod strategy;
@@ -17,9 +18,10 @@ use glam::DVec3;
 use crate::camera::Camera;
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::field::{Field, Focus, fibonacci_sphere};
+use crate::field::{Field, Focus, Outlook, fibonacci_sphere};
 
-/// A camera that looks at the focus.
+/// A camera that no photograph was taken with; it looks at the focus unless the training cameras look
+/// outward.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VirtualView {
     /// World frame; named `virtual_000` onwards in the order of the choice.
@@ -51,7 +53,8 @@ impl Viewpoint {
     }
 }
 
-/// A view in every candidate direction of the grid, in its order.
+/// A view in every candidate direction of the grid, in its order; where the training cameras look
+/// outward ([`Outlook`]), as many views among them.
 ///
 /// # Errors
 /// No training camera to take the intrinsics from.
@@ -61,6 +64,9 @@ pub fn candidates(
     field: &Field,
     config: &Config,
 ) -> Result<Vec<VirtualView>> {
+    if Outlook::of(train, focus).is_outward() {
+        return among::among(train, focus, config.field.n_candidates, config);
+    }
     let grid = fibonacci_sphere(config.field.n_candidates);
     let viewpoints: Vec<Viewpoint> = grid.into_iter().map(Viewpoint::on_sphere).collect();
     place(&viewpoints, train, focus, field, config)
@@ -71,7 +77,10 @@ pub fn candidates(
 /// Fibonacci sphere, drawn without replacement with probability `P_j = w_j / sum w`,
 /// `w = 1 / (U_total + epsilon)`.
 ///
-/// `visible_shares`, of the candidates in the order of the grid, is what
+/// Where the training cameras look outward, the candidates are views among them and are drawn with equal
+/// weights, whatever the strategy: none that looks at the focus shows what they see.
+///
+/// `visible_shares`, of the [`candidates`] in their order, is what
 /// `config.views.visibility` judges by; without it there is no such judgement.
 ///
 /// # Errors
@@ -93,6 +102,10 @@ pub fn virtual_views(
     }
     if count == 0 {
         return Ok(Vec::new());
+    }
+    if Outlook::of(train, focus).is_outward() {
+        let candidates = candidates(train, focus, field, config)?;
+        return strategy::drawn(candidates, visible_shares, config);
     }
     let viewpoints = strategy::choose(train, focus, field, visible_shares, config)?;
     place(&viewpoints, train, focus, field, config)

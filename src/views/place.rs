@@ -40,14 +40,19 @@ pub fn place(
             },
             direction,
             u_conf,
-            alpha: if config.loss.confidence_weighting {
-                1.0 / (1.0 + u_conf)
-            } else {
-                1.0
-            },
+            alpha: alpha(u_conf, config),
         }
     });
     Ok(views.collect())
+}
+
+/// The supervision weight of a view.
+pub(super) fn alpha(u_conf: f64, config: &Config) -> f64 {
+    if config.loss.confidence_weighting {
+        1.0 / (1.0 + u_conf)
+    } else {
+        1.0
+    }
 }
 
 /// The mean of the cameras' up directions; short where they cancel out.
@@ -57,7 +62,7 @@ pub(super) fn mean_up(train: &[Camera]) -> DVec3 {
 
 /// The most common training image size (the first of equals), the median focal lengths among
 /// the cameras that have it, and a centred principal point.
-fn typical_intrinsics(train: &[Camera]) -> Result<Camera> {
+pub(super) fn typical_intrinsics(train: &[Camera]) -> Result<Camera> {
     let same_size = |a: &Camera, b: &Camera| (a.width, a.height) == (b.width, b.height);
     let mut typical: Option<(&Camera, usize)> = None;
     for camera in train {

@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use super::Viewpoint;
 use super::draw::{draw_without_replacement, open_unit, random};
 use super::place::mean_up;
+use super::{Viewpoint, VirtualView};
 use crate::camera::Camera;
 use crate::config::{Config, Strategy, VisibilityConfig};
 use crate::error::{Error, Result};
@@ -50,13 +50,35 @@ pub(super) fn choose(
         .collect())
 }
 
+/// At most `config.views.count` of the candidate views, drawn with equal weights but for what
+/// `config.views.visibility` makes of their shares, and named in the order of the draw.
+pub(super) fn drawn(
+    candidates: Vec<VirtualView>,
+    visible_shares: Option<&[f64]>,
+    config: &Config,
+) -> Result<Vec<VirtualView>> {
+    let n = candidates.len();
+    let (candidates, weights) = match visible_shares {
+        None => (candidates, vec![1.0; n]),
+        Some(shares) => supported(candidates, shares, &config.views.visibility)?,
+    };
+    let count = config.views.count.min(candidates.len());
+    let chosen = draw_without_replacement(&weights, count, config.seed)?;
+    let named = chosen.into_iter().enumerate().map(|(k, j)| {
+        let mut view = candidates[j].clone();
+        view.camera.name = format!("virtual_{k:03}");
+        view
+    });
+    Ok(named.collect())
+}
+
 /// The candidates that show enough of what training cameras see, and what their weights are
 /// multiplied by.
-fn supported(
-    grid: Vec<DVec3>,
+fn supported<T>(
+    grid: Vec<T>,
     shares: &[f64],
     config: &VisibilityConfig,
-) -> Result<(Vec<DVec3>, Vec<f64>)> {
+) -> Result<(Vec<T>, Vec<f64>)> {
     if shares.len() != grid.len() {
         return Err(Error::new(format!(
             "{} visible shares for {} candidates",
@@ -64,7 +86,7 @@ fn supported(
             grid.len()
         )));
     }
-    let kept: (Vec<DVec3>, Vec<f64>) = grid
+    let kept: (Vec<T>, Vec<f64>) = grid
         .into_iter()
         .zip(shares)
         .filter(|(_, share)| **share > 0.0 && **share >= config.min_share)

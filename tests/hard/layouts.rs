@@ -160,7 +160,13 @@ fn virtual_views_at_the_poles_are_learned_from() {
     let poles = place(&poles, &train, &focus, &field, &config).expect("cameras");
     let cameras: Vec<Camera> = poles.into_iter().map(|view| view.camera).collect();
     let near = config.model.near;
-    let splats = splat_views(&scene.cloud, &prepared.frame, &cameras, &config.splat, near);
+    let splats = splat_views(
+        &scene.cloud,
+        &prepared.frame,
+        (&cameras, &train),
+        &config.splat,
+        near,
+    );
     let splats = splats.expect("splats");
     assert!(splats[0].coverage() > 0.1, "nothing is seen from above");
     prepared.supervision.virtual_views = cameras

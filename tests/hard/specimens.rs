@@ -193,6 +193,7 @@ pub fn noise_supervision(camera: &TwinCamera) -> Supervision {
         virtual_views: Vec::new(),
         coverage: Coverage::new(&field, &fibonacci_sphere(64)),
         extent: 1.0,
+        near: camera.near,
         shell: None,
     }
 }

@@ -58,6 +58,50 @@ fn the_protocol_takes_views_uniformly_over_the_sorted_names() {
     );
 }
 
+/// `n` views at the places that `at` gives, all with the same orientation.
+fn placed(n: usize, at: impl Fn(usize) -> [f64; 3]) -> Folder {
+    let folder = letters(n);
+    let lines: Vec<String> = ('a'..='z')
+        .take(n)
+        .enumerate()
+        .map(|(i, name)| {
+            let [x, y, z] = at(i).map(|v| -v);
+            format!("{} 1 0 0 0 {x} {y} {z} 1 {name}.png\n\n", i + 1)
+        })
+        .collect();
+    folder.write("sparse/0/images.txt", lines.concat());
+    folder
+}
+
+#[test]
+fn a_closed_loop_is_split_around_and_an_open_sequence_from_end_to_end() {
+    let turn = |i: usize, n: usize, share: f64| {
+        let (sin, cos) = (share * i as f64 * std::f64::consts::TAU / n as f64).sin_cos();
+        [3.0 * cos, 3.0 * sin, 0.1 * (i % 3) as f64]
+    };
+    let train = |folder: &Folder, n_train: usize| {
+        let counts = LoadOptions {
+            n_train,
+            ..options()
+        };
+        names(&folder.load_with(&counts).expect("a scene").train)
+    };
+    let closed = placed(12, |i| turn(i, 12, 1.0));
+    assert_eq!(train(&closed, 4), "a d g j");
+    assert_eq!(train(&closed, 2), "a g");
+    assert_eq!(train(&closed, 1), "a");
+    assert_eq!(train(&closed, 12), "a b c d e f g h i j k l");
+    // Three quarters of a turn, a line, one place, places without an order.
+    let open = placed(12, |i| turn(i, 12, 0.75));
+    assert_eq!(train(&open, 4), "a e h l");
+    assert_eq!(train(&placed(12, |i| [i as f64, 0.0, 0.0]), 4), "a e h l");
+    assert_eq!(train(&placed(12, |_| [0.0; 3]), 4), "a e h l");
+    assert_eq!(train(&placed(12, |i| turn(i * 5, 12, 1.0)), 4), "a e h l");
+    // Names and the split file go before.
+    closed.write("split.json", r#"{"train": ["a.png", "l.png"]}"#);
+    assert_eq!(train(&closed, 4), "a l");
+}
+
 #[test]
 fn the_split_file_is_followed_in_its_order() {
     let folder = letters(6);

@@ -4,11 +4,12 @@ mod strategies;
 
 use glam::{DVec3, dvec3};
 use gspotential::camera::Camera;
-use gspotential::config::Config;
-use gspotential::field::{Field, Focus, fibonacci_sphere};
+use gspotential::config::{Config, Strategy};
+use gspotential::field::{Field, Focus, Outlook, fibonacci_sphere};
 use gspotential::scene::PointCloud;
 use gspotential::views::{
-    Viewpoint, VirtualView, draw_without_replacement, place, potential_weights, virtual_views,
+    Viewpoint, VirtualView, candidates, draw_without_replacement, place, potential_weights,
+    virtual_views,
 };
 
 use crate::geometry::{camera, paper, ring};
@@ -22,6 +23,106 @@ fn around(train: &[Camera], config: &Config) -> (Focus, Field) {
 fn views_of(train: &[Camera], config: &Config) -> Vec<VirtualView> {
     let (focus, field) = around(train, config);
     virtual_views(train, &focus, &field, None, config).unwrap()
+}
+
+/// `n` cameras on a circle of radius 1 around `c` that look away from it, or at it where `inward` says.
+fn outward_ring(n: usize, c: DVec3, inward: impl Fn(usize) -> bool) -> Vec<Camera> {
+    (0..n)
+        .map(|i| {
+            let (sin, cos) = (i as f64 * std::f64::consts::TAU / n as f64).sin_cos();
+            let offset = dvec3(cos, sin, 0.3);
+            let target = if inward(i) { c } else { c + 3.0 * offset };
+            camera(c + offset, target)
+        })
+        .collect()
+}
+
+#[test]
+fn outward_layouts_are_told_from_inward_and_mixed_ones() {
+    let c = dvec3(4.0, -1.0, 2.0);
+    let outlook = |n_in: usize| {
+        let train = outward_ring(8, c, |i| i < n_in);
+        let focus = Focus::find(&train, &PointCloud::default()).unwrap();
+        let outlook = Outlook::of(&train, &focus);
+        assert_eq!(outlook.away.len(), 8 - n_in);
+        (outlook.is_outward(), outlook.warning(&train))
+    };
+    assert_eq!(outlook(8), (false, None));
+    let (outward, warning) = outlook(0);
+    assert!(outward);
+    let warning = warning.unwrap();
+    assert!(
+        warning.contains("8 of 8") && warning.contains("outward"),
+        "{warning}"
+    );
+    let (outward, warning) = outlook(6);
+    assert!(!outward);
+    let warning = warning.unwrap();
+    assert!(
+        warning.contains("2 of 8") && !warning.contains("outward"),
+        "{warning}"
+    );
+    assert!(outlook(4).0);
+}
+
+#[test]
+fn views_of_an_outward_layout_stand_among_the_cameras_and_look_as_they_look() {
+    let c = dvec3(4.0, -1.0, 2.0);
+    let train = outward_ring(8, c, |_| false);
+    let mut config = paper();
+    config.views.count = 40;
+    config.field.n_candidates = 200;
+    let mut seen = Vec::new();
+    for strategy in [
+        Strategy::Potential,
+        Strategy::NearestAngle,
+        Strategy::SphereUniform,
+        Strategy::SphereFarthest,
+        Strategy::Interpolation,
+    ] {
+        config.views.strategy = strategy;
+        let views = views_of(&train, &config);
+        assert_eq!(views.len(), 40);
+        for (k, view) in views.iter().enumerate() {
+            let camera = &view.camera;
+            assert_eq!(camera.name, format!("virtual_{k:03}"));
+            assert!(camera.center().distance(c) < 1.05, "{}", camera.center());
+            let nearest = train
+                .iter()
+                .map(|t| camera.forward().angle_between(t.forward()));
+            let nearest = nearest.fold(f64::INFINITY, f64::min);
+            assert!(nearest < 0.5, "looks where no camera looks: {nearest}");
+            assert!((view.u_conf - nearest).abs() < 1e-6);
+            assert!((view.alpha - 1.0 / (1.0 + view.u_conf)).abs() < 1e-12);
+            let product = camera.rotation * camera.rotation.transpose();
+            assert!(
+                (product - glam::DMat3::IDENTITY)
+                    .to_cols_array()
+                    .iter()
+                    .all(|v| v.abs() < 1e-12)
+            );
+        }
+        seen.push(views);
+    }
+    assert!(
+        seen.iter().all(|views| *views == seen[0]),
+        "any strategy, the same bits"
+    );
+    // What shows too little is left out here, too.
+    let (focus, field) = around(&train, &config);
+    config.views.visibility.min_share = 0.5;
+    let shares: Vec<f64> = (0..200)
+        .map(|j| if j % 8 == 0 { 0.9 } else { 0.1 })
+        .collect();
+    let kept = virtual_views(&train, &focus, &field, Some(&shares), &config).unwrap();
+    let all = candidates(&train, &focus, &field, &config).unwrap();
+    assert_eq!(kept.len(), 25);
+    for view in &kept {
+        let from = all
+            .iter()
+            .position(|c| c.camera.translation == view.camera.translation);
+        assert_eq!(from.unwrap() % 8, 0);
+    }
 }
 
 /// Everything that a virtual camera must be, whatever the layout.
@@ -286,6 +387,7 @@ fn no_layout_of_ups_makes_a_view_degenerate() {
         let focus = Focus {
             center: DVec3::ZERO,
             radius: 3.0,
+            extent: 3.0,
             fallback: None,
         };
         let field = Field::new(train, &focus, &config.field);

@@ -33,6 +33,7 @@ fn given(train: &[Camera], config: &Config) -> (Focus, Field) {
     let focus = Focus {
         center: DVec3::ZERO,
         radius: 3.0,
+        extent: 3.0,
         fallback: None,
     };
     let field = Field::new(train, &focus, &config.field);

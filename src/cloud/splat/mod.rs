@@ -1,19 +1,40 @@
-//! Point splatting: the cloud drawn into a camera as squares, with a mask of what it covers, and
-//! the holes between filled from around.
+//! Point splatting: the cloud drawn into a camera, with a mask of what it covers, and the holes
+//! between filled from around.
+//!
+//! A point's footprint ([`Footprint`](crate::config::Footprint)) is one of two:
+//!
+//! - `pixel`: the pixel that it falls into. The nearest point wins. Where points are sparser than
+//!   pixels, those behind a surface show through it.
+//! - `disc`: surface splatting in two passes (Botsch and Kobbelt 2003, "High-Quality Point-Based
+//!   Rendering on Modern GPUs"). A disc's radius is that of the point's source pixel, projected:
+//!   `sqrt(n_pixels / n_points) min_i |x - o_i| / f_i` over the training cameras `i`, times
+//!   `f / z`, and between 0.708 pixels (so that no point falls between pixels) and
+//!   `max_radius_px`. The first pass, the visibility pass, keeps the depth `z*` of the nearest disc
+//!   that holds a pixel's centre. In the second, all discs there with `z <= (1 + depth_tolerance) z*`
+//!   blend with the weights `(1 - d^2 / (2 r^2))^2`, `d` from the disc's centre to the pixel's, and
+//!   their sum is divided by that of the weights. As every weight within a disc is a quarter or
+//!   more, a pixel is covered wherever a disc is. Discs are parallel to the image: the cloud has no
+//!   normals.
+//!
+//! The connectivity filter follows both.
 
+mod disc;
 mod fill;
 mod filter;
+mod points;
 mod z_buffer;
 
+pub(crate) use disc::{Blend, Disc};
 pub use fill::fill_holes;
 pub(crate) use filter::Filter;
-pub(crate) use z_buffer::{Points, Winner, ZBuffer};
+pub(crate) use points::Points;
+pub(crate) use z_buffer::{Winner, ZBuffer};
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::camera::{Camera, Frame};
-use crate::config::SplatConfig;
+use crate::config::{Footprint, MIN_DISC_RADIUS_PX, SplatConfig};
 use crate::error::{Error, Result};
 use crate::scene::PointCloud;
 
@@ -40,31 +61,32 @@ impl SplatImage {
     }
 }
 
-/// Splats the cloud into every camera, in parallel over cameras.
+/// Splats the cloud into every camera, in parallel over cameras, as the [module](self) says.
 ///
-/// A point covers a square of `config.size_px` pixels, aligned to the pixels and centred as
-/// well as that allows. The nearest point wins a pixel; depths are compared rounded to f32, and
-/// of equal ones the lower index wins. Then the connectivity filter empties covered pixels with
-/// fewer than `config.filter_min_neighbors` other covered pixels in their window, all decided
-/// on the unfiltered mask. Points nearer than `near * frame.radius` are not drawn, nor are those
-/// whose [`PointCloud::relative_confidence`] is below `config.min_confidence`.
+/// `cameras` and the training cameras `sources`, which the discs' radii come from, are of the world
+/// frame. Depths are compared rounded to f32, and of equal ones the lower index is the nearer. Then
+/// the connectivity filter empties covered pixels with fewer than `config.filter_min_neighbors`
+/// other covered pixels in their window, all decided on the unfiltered mask. Points nearer than
+/// `near`, canonical, are not drawn, nor are those whose [`PointCloud::relative_confidence`] is
+/// below `config.min_confidence`.
 ///
-/// Memory: 4 bytes a pixel for every camera, and 9 a pixel for every thread at work. The result
-/// does not depend on the number of threads.
+/// Memory: 4 bytes a pixel for every camera, and for every thread at work 9 a pixel, or 25 for
+/// discs. The result does not depend on the number of threads.
 ///
 /// # Errors
-/// A splat size of 0, an even filter window, an empty image, or more than 2^32 - 2 points.
+/// A largest radius below [`MIN_DISC_RADIUS_PX`], an even filter window, an empty image, or more than
+/// 2^32 - 2 points.
 pub fn splat_views(
     cloud: &PointCloud,
     frame: &Frame,
-    cameras: &[Camera],
+    (cameras, sources): (&[Camera], &[Camera]),
     config: &SplatConfig,
     near: f64,
 ) -> Result<Vec<SplatImage>> {
-    splat_where(cloud, frame, cameras, config, near, |_, _| true)
+    splat_where(cloud, frame, (cameras, sources), config, near, |_, _| true)
 }
 
-/// [`splat_views`] in which a pixel is left empty whose point's index and camera's canonical
+/// [`splat_views`] in which a pixel is left empty whose nearest point's index and camera's canonical
 /// centre `shows` refuses.
 ///
 /// # Errors
@@ -72,26 +94,34 @@ pub fn splat_views(
 pub fn splat_where(
     cloud: &PointCloud,
     frame: &Frame,
-    cameras: &[Camera],
+    (cameras, sources): (&[Camera], &[Camera]),
     config: &SplatConfig,
     near: f64,
     shows: impl Fn(usize, DVec3) -> bool + Sync,
 ) -> Result<Vec<SplatImage>> {
     check(cameras, config)?;
-    let mut points = Points::new(cloud, frame)?;
-    if let Some(confidence) = cloud.relative_confidence() {
-        points.hide(confidence.iter().map(|c| *c < config.min_confidence));
-    }
+    let points = drawn_points(cloud, frame, sources, config)?;
     Ok(cameras
         .par_iter()
-        .map_init(Scratch::default, |(z_buffer, filter), camera| {
+        .map_init(Scratch::default, |scratch, camera| {
+            let Scratch {
+                z_buffer,
+                filter,
+                blend,
+            } = scratch;
             let camera = frame.camera_to_canonical(camera);
-            points.draw(&camera, config.size_px, near, z_buffer);
+            points.draw(&camera, config, near, z_buffer);
+            if config.footprint == Footprint::Disc {
+                blend.sum((&points, &cloud.colors), &camera, config, near, z_buffer);
+            }
             let mut rgba = vec![0; 4 * z_buffer.winners().len()];
             let eye = camera.center();
             filter.kept(z_buffer, config, |pixel, winner| {
                 if shows(winner.point, eye) {
-                    let [r, g, b] = cloud.colors[winner.point];
+                    let [r, g, b] = match config.footprint {
+                        Footprint::Pixel => cloud.colors[winner.point],
+                        Footprint::Disc => blend.color(pixel),
+                    };
                     rgba[4 * pixel..][..4].copy_from_slice(&[r, g, b, 255]);
                 }
             });
@@ -104,16 +134,72 @@ pub fn splat_where(
         .collect())
 }
 
+/// The depth, canonical, of the nearest point in every pixel of [`splat_views`]'s images, row by
+/// row; infinite where there is none.
+///
+/// # Errors
+/// As [`splat_views`].
+pub fn splat_depths(
+    cloud: &PointCloud,
+    frame: &Frame,
+    (cameras, sources): (&[Camera], &[Camera]),
+    config: &SplatConfig,
+    near: f64,
+) -> Result<Vec<Vec<f32>>> {
+    check(cameras, config)?;
+    let points = drawn_points(cloud, frame, sources, config)?;
+    Ok(cameras
+        .par_iter()
+        .map_init(Scratch::default, |scratch, camera| {
+            let camera = frame.camera_to_canonical(camera);
+            points.draw(&camera, config, near, &mut scratch.z_buffer);
+            let mut depths = vec![f32::INFINITY; scratch.z_buffer.winners().len()];
+            scratch
+                .filter
+                .kept(&scratch.z_buffer, config, |pixel, winner| {
+                    depths[pixel] = winner.depth;
+                });
+            depths
+        })
+        .collect())
+}
+
+/// The points of `cloud` that `config` draws.
+fn drawn_points(
+    cloud: &PointCloud,
+    frame: &Frame,
+    sources: &[Camera],
+    config: &SplatConfig,
+) -> Result<Points> {
+    let mut points = Points::new(cloud, frame)?;
+    if let Some(confidence) = cloud.relative_confidence() {
+        points.hide(confidence.iter().map(|c| *c < config.min_confidence));
+    }
+    if config.footprint == Footprint::Disc {
+        points.measure_discs(frame, sources);
+    }
+    Ok(points)
+}
+
 /// What a thread reuses from view to view.
-type Scratch = (ZBuffer, Filter);
+#[derive(Default)]
+struct Scratch {
+    z_buffer: ZBuffer,
+    filter: Filter,
+    blend: Blend,
+}
 
 /// What splatting into `cameras` needs.
 ///
 /// # Errors
-/// A splat size of 0, an even filter window, or an empty image.
+/// A largest radius below [`MIN_DISC_RADIUS_PX`], an even filter window, or an empty image.
 pub(crate) fn check(cameras: &[Camera], config: &SplatConfig) -> Result<()> {
-    if config.size_px == 0 {
-        return Err(Error::usage("splat.size_px must be at least 1"));
+    // Written so that NaN fails.
+    if !(config.max_radius_px >= MIN_DISC_RADIUS_PX) {
+        return Err(Error::usage(format!(
+            "splat.max_radius_px is {}, but must be at least {MIN_DISC_RADIUS_PX}",
+            config.max_radius_px
+        )));
     }
     if config.filter_window_px.is_multiple_of(2) {
         return Err(Error::usage(format!(

@@ -71,5 +71,9 @@ pub const GPU_LOSS_FLAT: f64 = 2e-4;
 /// Adam's moments and parameters after a few steps, relative L2: rounding of each step.
 pub const GPU_ADAM: f64 = 1e-5;
 
+/// Blended colours of the point splat, 0 to 255, against their unrounded means: half a level, and f32
+/// sums of some dozen terms.
+pub const SPLAT_LEVELS: f64 = 0.501;
+
 /// The potential field on the CPU against the same by chords, relative L2: a few roundings of f64.
 pub const FIELD: f64 = 1e-13;

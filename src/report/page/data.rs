@@ -94,6 +94,7 @@ impl PageData {
         let focus = Focus {
             center: frame.center,
             radius: frame.radius,
+            extent: frame.extent,
             fallback: None,
         };
         let field = Field::new(&training, &focus, &config.field);
@@ -109,7 +110,7 @@ impl PageData {
             quantities: quantities(&field, &compass),
             palette: base64(&palette),
             background: config.model.background,
-            near: config.model.near,
+            near: frame.near(config.model.near),
             up: compass.up().as_vec3().to_array(),
             scale_log: [*SCALE_LOG.start(), *SCALE_LOG.end()],
             packed_bytes: PACKED_BYTES,

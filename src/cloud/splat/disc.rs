@@ -1,0 +1,99 @@
+//! Discs: what a point covers, and how those at the front blend.
+
+use super::{Points, ZBuffer};
+use crate::camera::Camera;
+use crate::config::{MIN_DISC_RADIUS_PX, SplatConfig};
+
+/// A point's disc in an image, parallel to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Disc {
+    /// Pixels.
+    center: [f64; 2],
+    /// Pixels.
+    radius: f64,
+    /// Along the optical axis, canonical.
+    pub depth: f32,
+}
+
+impl Disc {
+    /// A disc whose radius, in pixels, is bounded by [`MIN_DISC_RADIUS_PX`] and `max_radius_px`.
+    pub fn new(center: [f64; 2], depth: f64, radius_px: f64, max_radius_px: f64) -> Disc {
+        Disc {
+            center,
+            radius: radius_px.max(MIN_DISC_RADIUS_PX).min(max_radius_px),
+            depth: depth as f32,
+        }
+    }
+
+    /// Visits the pixels of `camera`'s image whose centres lie within the disc, row by row, with the
+    /// weight of the point there, `(1 - d^2 / (2 r^2))^2` at the distance `d`: 1 in the middle,
+    /// a quarter on the rim.
+    pub fn pixels(&self, camera: &Camera, mut visit: impl FnMut(usize, f32)) {
+        let Disc { center, radius, .. } = *self;
+        let [columns, rows] = [(center[0], camera.width), (center[1], camera.height)]
+            .map(|(middle, limit)| span(middle, radius, limit));
+        let squared = radius * radius;
+        for y in rows {
+            let dy = y as f64 + 0.5 - center[1];
+            for x in columns.clone() {
+                let dx = x as f64 + 0.5 - center[0];
+                let distance = dx * dx + dy * dy;
+                if distance <= squared {
+                    let fall = 1.0 - 0.5 * distance / squared;
+                    visit(y * camera.width as usize + x, (fall * fall) as f32);
+                }
+            }
+        }
+    }
+}
+
+/// The pixels of `limit` in a row whose centres lie within `reach` of `middle`; none where it is NaN.
+fn span(middle: f64, reach: f64, limit: u32) -> std::ops::Range<usize> {
+    // Casts saturate, and NaN becomes 0.
+    let first = (middle - reach - 0.5).ceil().max(0.0) as usize;
+    let end = ((middle + reach - 0.5).floor() + 1.0).clamp(0.0, f64::from(limit)) as usize;
+    first..end
+}
+
+/// The blend of the discs at the front of every pixel.
+#[derive(Default)]
+pub(crate) struct Blend {
+    /// Red, green and blue times weight, and weight.
+    sums: Vec<[f32; 4]>,
+}
+
+impl Blend {
+    /// Sums the colours of the discs that hold a pixel and lie at most `config.depth_tolerance` of
+    /// its front's depth behind it: the second pass over what [`Points::draw`] left in `z_buffer`.
+    pub fn sum(
+        &mut self,
+        (points, colors): (&Points, &[[u8; 3]]),
+        camera: &Camera,
+        config: &SplatConfig,
+        near: f64,
+        z_buffer: &ZBuffer,
+    ) {
+        self.sums.clear();
+        self.sums.resize(z_buffer.winners().len(), [0.0; 4]);
+        let share = 1.0 + config.depth_tolerance;
+        points.discs(camera, config.max_radius_px, near, |point, disc| {
+            let [r, g, b] = colors[point].map(f32::from);
+            disc.pixels(camera, |pixel, weight| {
+                let is_front = z_buffer
+                    .winner(pixel)
+                    .is_some_and(|front| f64::from(disc.depth) <= f64::from(front.depth) * share);
+                if is_front {
+                    let sum = &mut self.sums[pixel];
+                    let added = [weight * r, weight * g, weight * b, weight];
+                    *sum = std::array::from_fn(|i| sum[i] + added[i]);
+                }
+            });
+        });
+    }
+
+    /// The colour of a pixel that some disc holds: the mean by weight, rounded.
+    pub fn color(&self, pixel: usize) -> [u8; 3] {
+        let [r, g, b, weight] = self.sums[pixel];
+        [r, g, b].map(|sum| (sum / weight).round() as u8)
+    }
+}
