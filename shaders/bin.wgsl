@@ -20,17 +20,19 @@ const COUNT = 0u;
 // (key, Gaussian), front to back.
 @group(0) @binding(8) var<storage, read> depth_order: array<vec2u>;
 
-// The ellipse on which a splat's alpha falls to ALPHA_MIN, with the rows of tiles that it meets.
+// The ellipse |t|^2 = reach, on which a splat's alpha falls to ALPHA_MIN, with the rows of tiles that
+// it meets. All is in t, in which a mean far outside is no large number.
 struct Outline {
-    center: vec2f,
-    reach: f32,
-    inv_xx: f32,
+    anchor: vec2f,
+    t_0: vec2f,
+    l_xy: f32,
     l_yy: f32,
-    // x of the ellipse's axis is slope * dy.
-    slope: f32,
-    half_height: f32,
-    // The rightmost point of the ellipse lies at dy = y_right, the leftmost at -y_right.
-    y_right: f32,
+    inv_xx: f32,
+    inv_yy: f32,
+    reach: f32,
+    radius: f32,
+    // The rightmost point of the ellipse lies at t_y = t_right, the leftmost at -t_right.
+    t_right: f32,
     // First row of tiles, one past the last.
     rows: vec2u,
 }
@@ -39,22 +41,23 @@ fn outline(id: u32) -> Outline {
     let s0 = splats[3u * id];
     let s1 = splats[3u * id + 1u];
     var o: Outline;
-    o.center = s0.xy;
+    o.anchor = s0.xy;
+    o.t_0 = s0.zw;
+    o.l_xy = s1.y;
+    o.l_yy = s1.z;
     // Rounding may not lose a pixel at the rim.
     let reach = s1.w * 1.0001 + 1e-4;
-    let inv_yy = 1.0 / s1.x;
-    let inv_xx = 1.0 / s0.z;
-    let slope = -s0.w * inv_xx;
-    let half_height = sqrt(reach) * inv_yy;
-    let cov_xy = slope * inv_yy * inv_yy;
+    let radius = sqrt(reach);
+    let inv_yy = 1.0 / s1.z;
+    let inv_xx = 1.0 / s1.x;
+    let slope = -s1.y * inv_yy;
     o.reach = reach;
+    o.radius = radius;
     o.inv_xx = inv_xx;
-    o.l_yy = s1.x;
-    o.slope = slope;
-    o.half_height = half_height;
-    o.y_right = cov_xy * sqrt(reach / (inv_xx * inv_xx + slope * cov_xy));
-    let top = max(ceil(s0.y - half_height - 0.5 - RIM), 0.0);
-    let bottom = min(floor(s0.y + half_height - 0.5 + RIM), f32(view.size.y) - 1.0);
+    o.inv_yy = inv_yy;
+    o.t_right = radius * slope / sqrt(1.0 + slope * slope);
+    let top = max(ceil(s0.y - (s0.w + radius) * inv_yy - 0.5 - RIM), 0.0);
+    let bottom = min(floor(s0.y - (s0.w - radius) * inv_yy - 0.5 + RIM), f32(view.size.y) - 1.0);
     if (s1.w > 0.0 && top <= bottom) {
         o.rows = vec2u(u32(top) / TILE_H, u32(bottom) / TILE_H + 1u);
     }
@@ -63,17 +66,18 @@ fn outline(id: u32) -> Outline {
 
 // First column and number of columns of the tiles of a row that an outline meets.
 fn columns(o: Outline, row: u32) -> vec2u {
-    // Pixel centres of this row of tiles, relative to the splat.
-    let y_0 = max(f32(row * TILE_H) + 0.5 - o.center.y, -o.half_height);
-    let y_1 = min(f32(row * TILE_H + TILE_H) - 0.5 - o.center.y, o.half_height);
-    let dy_right = clamp(o.y_right, min(y_0, y_1), y_1);
-    let dy_left = clamp(-o.y_right, min(y_0, y_1), y_1);
-    let t_right = dy_right * o.l_yy;
-    let t_left = dy_left * o.l_yy;
-    let right = o.slope * dy_right + sqrt(max(o.reach - t_right * t_right, 0.0)) * o.inv_xx;
-    let left = o.slope * dy_left - sqrt(max(o.reach - t_left * t_left, 0.0)) * o.inv_xx;
-    let x_0 = max(ceil(o.center.x + left - 0.5 - RIM), 0.0);
-    let x_1 = min(floor(o.center.x + right - 0.5 + RIM), f32(view.size.x) - 1.0);
+    // t_y of the pixel centres of this row of tiles.
+    let t_0 = max(o.t_0.y + o.l_yy * (f32(row * TILE_H) + 0.5 - o.anchor.y), -o.radius);
+    let t_1 = min(o.t_0.y + o.l_yy * (f32(row * TILE_H + TILE_H) - 0.5 - o.anchor.y), o.radius);
+    let right_y = clamp(o.t_right, min(t_0, t_1), t_1);
+    let left_y = clamp(-o.t_right, min(t_0, t_1), t_1);
+    let right_x = o.t_0.x + o.l_xy * ((right_y - o.t_0.y) * o.inv_yy);
+    let left_x = o.t_0.x + o.l_xy * ((left_y - o.t_0.y) * o.inv_yy);
+    // x from the anchor.
+    let right = (sqrt(max(o.reach - right_y * right_y, 0.0)) - right_x) * o.inv_xx;
+    let left = -(sqrt(max(o.reach - left_y * left_y, 0.0)) + left_x) * o.inv_xx;
+    let x_0 = max(ceil(o.anchor.x + left - 0.5 - RIM), 0.0);
+    let x_1 = min(floor(o.anchor.x + right - 0.5 + RIM), f32(view.size.x) - 1.0);
     if (x_0 > x_1) {
         return vec2u(0u);
     }

@@ -47,7 +47,7 @@ fn pose_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
     var shift = vec3f(0.0);
     if (id < view.counts.x) {
         let stride = view.counts.y;
-        let mean = geometry[id].xyz;
+        let offset = from_center(view, geometry[id].xyz);
         let q = geometry[2u * stride + id];
         let d_q = d_geometry[2u * stride + id];
         var d_mean = d_geometry[id].xyz;
@@ -56,12 +56,12 @@ fn pose_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
         if (SH_DEGREE > 0u) {
             // A Gaussian without a gradient may lie in the camera's centre.
             if (any(d_c != vec3f(0.0))) {
-                d_mean -= color_to_mean(mean, id, d_c);
+                d_mean -= color_to_mean(offset, id, d_c);
             }
         }
         // A turn t is (0, t / 2) q for the quaternion.
         let torque = q.x * d_q.yzw - d_q.x * q.yzw + cross(q.yzw, d_q.yzw);
-        turn = cross(mean - view.center_near.xyz, d_mean) + 0.5 * torque;
+        turn = cross(offset, d_mean) + 0.5 * torque;
     }
     sum_workgroup(local, turn, shift);
     if (local == 0u && block * WORKGROUP < view.counts.x) {

@@ -2,6 +2,7 @@
 // sum_pairs has summed, in their fixed order and carries the sums through covariance, projection, SH direction and quaternion
 // normalisation to the stored parameters. The step's first view writes, its second adds.
 #import shared/view
+#import shared/double
 #import shared/gaussian
 #import shared/dropout
 #import shared/sh
@@ -72,13 +73,13 @@ fn project_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
     let g1 = geometry[stride + id];
     let g2 = geometry[2u * stride + id];
     let g = Gaussian(g0.xyz, g0.w, g1.xyz, g2);
-    let s0 = splats[3u * id];
     let s1 = splats[3u * id + 1u];
-    let color = splats[3u * id + 2u].xyz;
+    let s2 = splats[3u * id + 2u];
+    let color = s2.xyz;
     let o = project_gaussian(view, g);
-    let l_xx = s0.z;
-    let l_xy = s0.w;
-    let l_yy = s1.x;
+    let l_xx = s1.x;
+    let l_xy = s1.y;
+    let l_yy = s1.z;
 
     // n = cov2d^-1 d: d_mean2d = sum v n, dL/dcov2d = sum v n n^T / 2, in the moments of t.
     let d_mean2d = TWO_LN_2 * vec2f(l_xx * a.y, l_xy * a.y + l_yy * a.z);
@@ -103,22 +104,23 @@ fn project_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
     let d_u_y = o.rotation * s_y;
     let d_t_x = l_xx * d_u_x;
     let d_t_y = l_xy * d_u_x + l_yy * d_u_y;
-    let inv_z = 1.0 / o.p.z;
+    let inv_z = 1.0 / o.p.hi.z;
     let focal_z = view.intrinsics.xy * inv_z;
     // Through x/z and y/z of the Jacobian (zero where bounded) and of the mean.
     let d_bounded = -focal_z * vec2f(dot(d_t_x, view.w2c_z.xyz), dot(d_t_y, view.w2c_z.xyz));
-    let unbounded = o.ratio == o.ratio_bounded;
+    let ratio = o.ratio.hi.xy;
+    let unbounded = ratio == o.ratio_bounded.hi.xy;
     let d_ratio = select(vec2f(0.0), d_bounded, unbounded) + view.intrinsics.xy * d_mean2d;
     let d_p = vec3f(
         d_ratio * inv_z,
         // dot(d_t_x, t_x) + dot(d_t_y, t_y) is the sum over the axes.
-        -inv_z * (dot(d_ratio, o.ratio) + (d_scale_log.x + d_scale_log.y + d_scale_log.z)),
+        -inv_z * (dot(d_ratio, ratio) + (d_scale_log.x + d_scale_log.y + d_scale_log.z)),
     );
     var d_mean = d_p.x * view.w2c_x.xyz + d_p.y * view.w2c_y.xyz + d_p.z * view.w2c_z.xyz;
 
     let d_c = select(vec3f(0.0), vec3f(b.zw, c), color > vec3f(0.0));
     if (SH_DEGREE > 0u) {
-        d_mean += color_to_mean(g.mean, id, d_c);
+        d_mean += color_to_mean(from_center(view, g.mean), id, d_c);
     }
 
     // dL/drotation, column by column, then to the quaternion.
@@ -135,7 +137,7 @@ fn project_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups
     );
     let d_rotation = (d_q - q * dot(q, d_q)) / norm;
     // a.x = dL/dopacity opacity for the opacity drawn, sigmoid(logit) / (1 - p).
-    let d_opacity_logit = a.x * (1.0 - kept_share(view) * s1.y);
+    let d_opacity_logit = a.x * (1.0 - kept_share(view) * s2.w);
 
     var d_0 = vec4f(d_mean, d_opacity_logit);
     var d_1 = vec4f(d_scale_log, 0.0);

@@ -113,7 +113,7 @@ fn carry_back(thread: u32, slice_first: u32, sliced: bool) {
         let s0 = splats[3u * id];
         let s1 = splats[3u * id + 1u];
         let color = splats[3u * id + 2u];
-        let dx = px - s0.x;
+        let t_x0 = s0.z + s1.x * (px - s0.x);
         var sum_v = 0.0;
         var sum_x = 0.0;
         var sum_y = 0.0;
@@ -126,9 +126,9 @@ fn carry_back(thread: u32, slice_first: u32, sliced: bool) {
         #repeat r TILE_H
         {
             let dy = py + {r}.0 - s0.y;
-            let t_y = s1.x * dy;
-            let t_x = s0.z * dx + s0.w * dy;
-            let raw = s1.y * exp2_negative(-(t_x * t_x + t_y * t_y));
+            let t_y = s0.w + s1.z * dy;
+            let t_x = t_x0 + s1.y * dy;
+            let raw = color.w * exp2_negative(-(t_x * t_x + t_y * t_y));
             let blended = (raw >= vec4f(ALPHA_MIN)) & (vec4u(number) <= last_{r});
             // 0 leaves the transmittance and what is behind as they are, to the bit.
             let alpha = select(vec4f(0.0), min(vec4f(ALPHA_MAX), raw), blended);

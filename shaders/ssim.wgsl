@@ -6,6 +6,13 @@
 // and both means are weighted by it,
 //   L1 = sum_p m_p |x_p - y_p| / sum_p m_p,  SSIM = sum_p m_p ssim_p / sum_p m_p,
 // so pixels of weight 0 never matter and weights of 0 and 1 are a mask's.
+//
+// In terms of the residual e = x - y and with V the sum of both variances,
+//   ssim = (1 - mu_e^2 / (mu_x^2 + mu_y^2 + C1)) (1 - var_e / (V + C2)).
+// Variances are formed about the mean of each row of the window and then of the rows: as a
+// difference of moments they would lose, in flat windows, all but a hundred times the rounding
+// of their squares. The gradient goes by y, whose factor is small where the images are alike, and by
+// e less the mean residual of four pixels nearby, so that a residual does not cancel that all pixels share.
 #import shared/view
 #import shared/loss
 
@@ -17,11 +24,12 @@ const NORM_PLANE = 12u;
 @group(0) @binding(2) var<storage, read> rendered: array<vec4f>;
 // RGBA8, rows as in a plane of `rendered`; alpha is the pixel's weight, 255 for 1.
 @group(0) @binding(3) var<storage, read> goal: array<vec4u>;
-// Planes 4c..4c+3: horizontal moments x, y, xx + yy, xy of channel c (SSIM needs the variances'
-// sum alone); 12: window weight. Later
-// planes 3c..3c+2: horizontal sums of the derivatives.
+// Planes 4c..4c+3, of a row of the window about each pixel, channel c: means of e and y, sum of the
+// variances of x and y, variance of e; 12: weight. Later planes 3c..3c+2: horizontal sums of the
+// derivatives.
 @group(0) @binding(4) var<storage, read_write> moments: array<vec4f>;
-// Planes 3c..3c+2: derivative of the loss to the moments x, xx, xy of channel c.
+// Planes 3c..3c+2: what the loss's gradient takes from each window, channel c: a term of its own
+// (with e less the residual of the four pixels), one times e and one times y.
 @group(0) @binding(5) var<storage, read_write> derivatives: array<vec4f>;
 @group(0) @binding(6) var<storage, read_write> d_rendered: array<vec4f>;
 // Per thread of the vertical passes: sum of SSIM, sum of |x - y|.
@@ -107,6 +115,19 @@ fn weights(texels: vec4u, x4: i32) -> vec4f {
     return select(vec4f(0.0), weight, inside);
 }
 
+// Mean over the pixels that count; 0 if none does.
+fn mean_of(e: vec4f, counts: vec4<bool>) -> f32 {
+    let n = dot(select(vec4f(0.0), vec4f(1.0), counts), vec4f(1.0));
+    return dot(select(vec4f(0.0), e, counts), vec4f(1.0)) / max(n, 1.0);
+}
+
+// Mean residual of four pixels.
+fn residual_of(texels: vec4u, x4: i32, y: u32, channel: u32) -> f32 {
+    let counts = weights(texels, x4) > vec4f(0.0);
+    let e = rendered[plane_index(view, channel, u32(clamp(x4, 0, i32(view.planes.y) - 1)), y)] - channel_of(texels, channel);
+    return mean_of(e, counts);
+}
+
 struct Place {
     x4: u32,
     y: u32,
@@ -126,42 +147,87 @@ fn place(group: vec3u, groups: vec3u, local: u32, across: u32, rows: u32, channe
     return Place((rest % n_columns) * across, (rest / n_columns) * rows, channel, channel < channels);
 }
 
+// Weights, residuals less that of the middle four, and goal of twenty pixels of a row.
+struct Row {
+    m: Strip,
+    e: Strip,
+    y: Strip,
+}
+
+// Means of e and y, sum of the variances of x and y, and variance of e in the rows of the windows
+// about four pixels, of which `residual` is the mean one. `norm` is the rows' weight.
+fn row_moments(row: Row, residual: f32, norm: vec4f) -> Quad {
+    let inv_norm = select(vec4f(0.0), 1.0 / norm, norm > vec4f(0.0));
+    var mean_e = vec4f(0.0);
+    var mean_y = vec4f(0.0);
+    #repeat k SSIM_WINDOW
+    {
+        let m = WINDOW[{k}] * tap_{k}(row.m);
+        mean_e += m * tap_{k}(row.e);
+        mean_y += m * tap_{k}(row.y);
+    }
+    #end
+    mean_e *= inv_norm;
+    mean_y *= inv_norm;
+    var both = vec4f(0.0);
+    var of_e = vec4f(0.0);
+    #repeat k SSIM_WINDOW
+    {
+        let m = WINDOW[{k}] * tap_{k}(row.m);
+        let e = tap_{k}(row.e) - mean_e;
+        let y = tap_{k}(row.y) - mean_y;
+        let x = e + y;
+        both += m * (x * x + y * y);
+        of_e += m * (e * e);
+    }
+    #end
+    return Quad(residual + mean_e, mean_y, both * inv_norm, of_e * inv_norm);
+}
+
 @compute @workgroup_size(WORKGROUP)
 fn ssim_horizontal(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
     let at = place(group, groups, local, N_ACROSS, 1u, 1u);
     if (!at.inside || at.y >= view.size.y) {
         return;
     }
+    // Beside the image all is 0; without a mask that counts in full.
     var m: Wide;
     #repeat b 8
     let raw_{b} = texels(i32(at.x4) + {b} - 2, at.y);
-    m.v{b} = weights(raw_{b}, i32(at.x4) + {b} - 2);
+    let weight_{b} = weights(raw_{b}, i32(at.x4) + {b} - 2);
+    m.v{b} = select(weight_{b}, vec4f(1.0), vec4<bool>(loss.masked == 0u));
     #end
+    var norm = Quad(vec4f(1.0), vec4f(1.0), vec4f(1.0), vec4f(1.0));
     if (loss.masked != 0u) {
-        keep_moments(NORM_PLANE, at, convolve_wide(m));
+        norm = convolve_wide(m);
+        keep_moments(NORM_PLANE, at, norm);
     }
     // bound: 3 turns.
     for (var channel = 0u; channel < 3u; channel++) {
-        var x: Wide;
-        var y: Wide;
-        var squares: Wide;
-        var product: Wide;
         #repeat b 8
-        {
-            let x4 = u32(clamp(i32(at.x4) + {b} - 2, 0, i32(view.planes.y) - 1));
-            let v_x = rendered[plane_index(view, channel, x4, at.y)];
-            let v_y = channel_of(raw_{b}, channel);
-            x.v{b} = m.v{b} * v_x;
-            y.v{b} = m.v{b} * v_y;
-            squares.v{b} = x.v{b} * v_x + y.v{b} * v_y;
-            product.v{b} = x.v{b} * v_y;
-        }
+        let x4_{b} = u32(clamp(i32(at.x4) + {b} - 2, 0, i32(view.planes.y) - 1));
+        let counts_{b} = weight_{b} > vec4f(0.0);
+        let goal_{b} = channel_of(raw_{b}, channel);
+        let y_{b} = select(vec4f(0.0), goal_{b}, counts_{b});
+        let e_{b} = select(vec4f(0.0), rendered[plane_index(view, channel, x4_{b}, at.y)] - goal_{b}, counts_{b});
+        let residual_{b} = mean_of(e_{b}, counts_{b});
         #end
+        let r_0 = row_moments(Row(
+            Strip(m.v0, m.v1, m.v2, m.v3, m.v4), Strip(e_0 - residual_2, e_1 - residual_2, e_2 - residual_2, e_3 - residual_2, e_4 - residual_2), Strip(y_0, y_1, y_2, y_3, y_4),
+        ), residual_2, norm.v0);
+        let r_1 = row_moments(Row(
+            Strip(m.v1, m.v2, m.v3, m.v4, m.v5), Strip(e_1 - residual_3, e_2 - residual_3, e_3 - residual_3, e_4 - residual_3, e_5 - residual_3), Strip(y_1, y_2, y_3, y_4, y_5),
+        ), residual_3, norm.v1);
+        let r_2 = row_moments(Row(
+            Strip(m.v2, m.v3, m.v4, m.v5, m.v6), Strip(e_2 - residual_4, e_3 - residual_4, e_4 - residual_4, e_5 - residual_4, e_6 - residual_4), Strip(y_2, y_3, y_4, y_5, y_6),
+        ), residual_4, norm.v2);
+        let r_3 = row_moments(Row(
+            Strip(m.v3, m.v4, m.v5, m.v6, m.v7), Strip(e_3 - residual_5, e_4 - residual_5, e_5 - residual_5, e_6 - residual_5, e_7 - residual_5), Strip(y_3, y_4, y_5, y_6, y_7),
+        ), residual_5, norm.v3);
         let plane = N_MOMENTS * channel;
-        keep_moments(plane, at, convolve_wide(x));
-        keep_moments(plane + 1u, at, convolve_wide(y));
-        keep_moments(plane + 2u, at, convolve_wide(squares));
-        keep_moments(plane + 3u, at, convolve_wide(product));
+        #repeat k 4
+        keep_moments(plane + {k}u, at, Quad(r_0.v{k}, r_1.v{k}, r_2.v{k}, r_3.v{k}));
+        #end
     }
 }
 
@@ -194,6 +260,11 @@ fn convolve_columns(plane: u32, x4: u32, y: u32) -> Rows {
     return sums;
 }
 
+// The weight of a window's row.
+fn row_weight(x4: u32, row: i32) -> vec4f {
+    return select(row_or_zero(NORM_PLANE, x4, row), vec4f(1.0), vec4<bool>(loss.masked == 0u));
+}
+
 @compute @workgroup_size(WORKGROUP)
 fn ssim_vertical(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
     let at = place(group, groups, local, 1u, SSIM_ROWS, 3u);
@@ -201,47 +272,97 @@ fn ssim_vertical(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
         return;
     }
     let plane = N_MOMENTS * at.channel;
-    let m_x = convolve_columns(plane, at.x4, at.y);
-    let m_y = convolve_columns(plane + 1u, at.x4, at.y);
-    let m_squares = convolve_columns(plane + 2u, at.x4, at.y);
-    let m_xy = convolve_columns(plane + 3u, at.x4, at.y);
-    var norm: Rows;
-    if (loss.masked != 0u) {
-        norm = convolve_columns(NORM_PLANE, at.x4, at.y);
+    // Means of a row of some weight, of those here the one nearest to the middle, which is in all
+    // windows or most: what is summed up lies about them.
+    var about_e = vec4f(0.0);
+    var about_y = vec4f(0.0);
+    #repeat i SSIM_ROWS
+    {
+        // From the outermost inwards: 0, 7, 1, 6, ...
+        let r = select({i} / 2, i32(SSIM_ROWS) - 1 - {i} / 2, {i} % 2 == 1);
+        let row = i32(at.y) + r;
+        let counts = (row_weight(at.x4, row) > vec4f(0.0)) & vec4<bool>(row < i32(view.size.y));
+        about_e = select(about_e, row_or_zero(plane, at.x4, row), counts);
+        about_y = select(about_y, row_or_zero(plane + 1u, at.x4, row), counts);
     }
+    #end
+    var norm: Rows;
+    var sum_e: Rows;
+    var sum_y: Rows;
+    var sum_both: Rows;
+    var sum_residual: Rows;
+    // Row i of the strip is tap i - r of output row r; WINDOW_PADDED is 0 beyond the window.
+    #repeat i SSIM_STRIP
+    {
+        let row = i32(at.y) + {i} - 5;
+        let n = row_weight(at.x4, row);
+        let e = row_or_zero(plane, at.x4, row) - about_e;
+        let y = row_or_zero(plane + 1u, at.x4, row) - about_y;
+        let x = e + y;
+        let n_e = n * e;
+        let n_y = n * y;
+        let n_both = n * (row_or_zero(plane + 2u, at.x4, row) + (x * x + y * y));
+        let n_residual = n * (row_or_zero(plane + 3u, at.x4, row) + e * e);
+        #repeat r SSIM_ROWS
+        {
+            let w = WINDOW_PADDED[{i} + SSIM_ROWS - 1 - {r}];
+            norm.r{r} += w * n;
+            sum_e.r{r} += w * n_e;
+            sum_y.r{r} += w * n_y;
+            sum_both.r{r} += w * n_both;
+            sum_residual.r{r} += w * n_residual;
+        }
+        #end
+    }
+    #end
     var sum = vec4f(0.0);
     #repeat r SSIM_ROWS
     if (at.y + {r}u < view.size.y) {
-        let weight = weights(texels(i32(at.x4), at.y + {r}u), i32(at.x4));
+        let raw = texels(i32(at.x4), at.y + {r}u);
+        let weight = weights(raw, i32(at.x4));
         var inv_norm = vec4f(1.0);
         if (loss.masked != 0u) {
             inv_norm = select(vec4f(0.0), 1.0 / norm.r{r}, weight > vec4f(0.0));
         }
-        let mu_x = m_x.r{r} * inv_norm;
-        let mu_y = m_y.r{r} * inv_norm;
-        let mu_squares = mu_x * mu_x + mu_y * mu_y;
-        // Of both images together.
-        let variance = m_squares.r{r} * inv_norm - mu_squares;
-        let cov = m_xy.r{r} * inv_norm - mu_x * mu_y;
-        let n_1 = 2.0 * mu_x * mu_y + SSIM_C1;
-        let n_2 = 2.0 * cov + SSIM_C2;
-        let d_1 = mu_squares + SSIM_C1;
-        let d_2 = variance + SSIM_C2;
-        let inv = 1.0 / (d_1 * d_2);
-        let s = n_1 * n_2 * inv;
+        let off_e = sum_e.r{r} * inv_norm;
+        let off_y = sum_y.r{r} * inv_norm;
+        let off_x = off_e + off_y;
+        let mu_e = about_e + off_e;
+        let mu_y = about_y + off_y;
+        let mu_x = mu_e + mu_y;
+        let var_both = max(sum_both.r{r} * inv_norm - (off_x * off_x + off_y * off_y), vec4f(0.0));
+        let var_e = max(sum_residual.r{r} * inv_norm - off_e * off_e, vec4f(0.0));
+        let inv_1 = 1.0 / (mu_x * mu_x + mu_y * mu_y + SSIM_C1);
+        let inv_2 = 1.0 / (var_both + SSIM_C2);
+        let dimmer = mu_e * mu_e * inv_1;
+        let luminance = (2.0 * mu_x * mu_y + SSIM_C1) * inv_1;
+        let contrast = 1.0 - var_e * inv_2;
+        let s = luminance * contrast;
         sum += weight * s;
         let scale = -loss.ssim_scale * weight * inv_norm;
-        let d_var = -s / d_2;
-        let d_cov = 2.0 * n_1 * inv;
-        let d_mu = 2.0 * (mu_y * n_2 * inv - mu_x * s / d_1) - 2.0 * mu_x * d_var - mu_y * d_cov;
+        let d_e = -2.0 * s * inv_2;
+        let d_y = 2.0 * luminance * var_e * inv_2 * inv_2;
+        let d_mu = 2.0 * contrast * inv_1 * (mu_y * dimmer - mu_e * luminance);
+        let off_residual = mu_e - residual_of(raw, i32(at.x4), at.y + {r}u, at.channel);
         let base = 3u * at.channel;
-        derivatives[plane_index(view, base, at.x4, at.y + {r}u)] = scale * d_mu;
-        derivatives[plane_index(view, base + 1u, at.x4, at.y + {r}u)] = scale * d_var;
-        derivatives[plane_index(view, base + 2u, at.x4, at.y + {r}u)] = scale * d_cov;
+        derivatives[plane_index(view, base, at.x4, at.y + {r}u)] = scale * (d_mu - d_e * off_residual - d_y * mu_y);
+        derivatives[plane_index(view, base + 1u, at.x4, at.y + {r}u)] = scale * d_e;
+        derivatives[plane_index(view, base + 2u, at.x4, at.y + {r}u)] = scale * d_y;
     }
     #end
     let index = (group.y * groups.x + group.x) * WORKGROUP + local;
     partials[index] = vec2f((sum.x + sum.y) + (sum.z + sum.w), 0.0);
+}
+
+// Terms whose residuals are less r_0..r_4, with those less `residual`.
+fn about(residual: f32, own: Strip, d_e: Strip, r_0: f32, r_1: f32, r_2: f32, r_3: f32, r_4: f32) -> Strip {
+    return Strip(
+        own.v0 + d_e.v0 * (residual - r_0),
+        own.v1 + d_e.v1 * (residual - r_1),
+        own.v2 + d_e.v2 * (residual - r_2),
+        own.v3 + d_e.v3 * (residual - r_3),
+        own.v4 + d_e.v4 * (residual - r_4),
+    );
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -250,15 +371,34 @@ fn ssim_horizontal_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_wo
     if (!at.inside || at.y >= view.size.y) {
         return;
     }
-    // bound: 9 turns.
-    for (var plane = 0u; plane < 9u; plane++) {
-        var w: Wide;
+    // bound: 3 turns.
+    for (var channel = 0u; channel < 3u; channel++) {
+        var own: Wide;
+        var d_e: Wide;
+        var d_y: Wide;
         #repeat b 8
-        if (i32(at.x4) + {b} - 2 >= 0 && at.x4 + {b}u < view.planes.y + 2u) {
-            w.v{b} = derivatives[plane_index(view, plane, at.x4 + {b}u - 2u, at.y)];
+        let x4_{b} = i32(at.x4) + {b} - 2;
+        if (x4_{b} >= 0 && x4_{b} < i32(view.planes.y)) {
+            own.v{b} = derivatives[plane_index(view, 3u * channel, u32(x4_{b}), at.y)];
+            d_e.v{b} = derivatives[plane_index(view, 3u * channel + 1u, u32(x4_{b}), at.y)];
+            d_y.v{b} = derivatives[plane_index(view, 3u * channel + 2u, u32(x4_{b}), at.y)];
         }
+        let residual_{b} = residual_of(texels(x4_{b}, at.y), x4_{b}, at.y, channel);
         #end
-        keep_moments(plane, at, convolve_wide(w));
+        // From each window's residual to that of the pixels which take from it.
+        let sums = Quad(
+            convolve(about(residual_2, Strip(own.v0, own.v1, own.v2, own.v3, own.v4), Strip(d_e.v0, d_e.v1, d_e.v2, d_e.v3, d_e.v4),
+                residual_0, residual_1, residual_2, residual_3, residual_4)),
+            convolve(about(residual_3, Strip(own.v1, own.v2, own.v3, own.v4, own.v5), Strip(d_e.v1, d_e.v2, d_e.v3, d_e.v4, d_e.v5),
+                residual_1, residual_2, residual_3, residual_4, residual_5)),
+            convolve(about(residual_4, Strip(own.v2, own.v3, own.v4, own.v5, own.v6), Strip(d_e.v2, d_e.v3, d_e.v4, d_e.v5, d_e.v6),
+                residual_2, residual_3, residual_4, residual_5, residual_6)),
+            convolve(about(residual_5, Strip(own.v3, own.v4, own.v5, own.v6, own.v7), Strip(d_e.v3, d_e.v4, d_e.v5, d_e.v6, d_e.v7),
+                residual_3, residual_4, residual_5, residual_6, residual_7)),
+        );
+        keep_moments(3u * channel, at, sums);
+        keep_moments(3u * channel + 1u, at, convolve_wide(d_e));
+        keep_moments(3u * channel + 2u, at, convolve_wide(d_y));
     }
 }
 
@@ -269,9 +409,36 @@ fn ssim_vertical_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_work
         return;
     }
     let base = 3u * at.channel;
-    let d_mu = convolve_columns(base, at.x4, at.y);
-    let d_xx = convolve_columns(base + 1u, at.x4, at.y);
-    let d_xy = convolve_columns(base + 2u, at.x4, at.y);
+    // The residual of a row in the middle, of those with a pixel that counts.
+    var residual = 0.0;
+    #repeat i SSIM_ROWS
+    {
+        let row = at.y + select({i}u / 2u, SSIM_ROWS - 1u - {i}u / 2u, {i}u % 2u == 1u);
+        if (row < view.size.y) {
+            let raw = texels(i32(at.x4), row);
+            if (any(weights(raw, i32(at.x4)) > vec4f(0.0))) {
+                residual = residual_of(raw, i32(at.x4), row, at.channel);
+            }
+        }
+    }
+    #end
+    var own: Rows;
+    var d_e: Rows;
+    #repeat i SSIM_STRIP
+    {
+        let row = i32(at.y) + {i} - 5;
+        if (row >= 0 && row < i32(view.size.y)) {
+            let of_row = residual_of(texels(i32(at.x4), u32(row)), i32(at.x4), u32(row), at.channel);
+            let row_e = moments[plane_index(view, base + 1u, at.x4, u32(row))];
+            let row_own = moments[plane_index(view, base, at.x4, u32(row))] + row_e * (residual - of_row);
+            #repeat r SSIM_ROWS
+            own.r{r} += WINDOW_PADDED[{i} + SSIM_ROWS - 1 - {r}] * row_own;
+            d_e.r{r} += WINDOW_PADDED[{i} + SSIM_ROWS - 1 - {r}] * row_e;
+            #end
+        }
+    }
+    #end
+    let d_y = convolve_columns(base + 2u, at.x4, at.y);
     var sum = vec4f(0.0);
     #repeat r SSIM_ROWS
     if (at.y + {r}u >= view.size.y) {
@@ -283,7 +450,7 @@ fn ssim_vertical_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_work
         let y = channel_of(raw, at.channel);
         let difference = weight * (x - y);
         sum += abs(difference);
-        let d_ssim = weight * (d_mu.r{r} + 2.0 * x * d_xx.r{r} + y * d_xy.r{r});
+        let d_ssim = weight * (own.r{r} + ((x - y) - residual) * d_e.r{r} + y * d_y.r{r});
         d_rendered[plane_index(view, at.channel, at.x4, at.y + {r}u)] = d_ssim + loss.l1_scale * (weight * sign(difference));
     }
     #end

@@ -32,8 +32,7 @@ const N_STAGES: usize = 10;
 /// which is 0.
 const STAGES: [Stage; N_STAGES] = [
     ("project", |pass, commands| pass.project(commands)),
-    ("depth keys and their sort", |pass, commands| {
-        pass.depth_keys(commands);
+    ("sort by depth", |pass, commands| {
         pass.sort_by_depth(commands);
     }),
     ("counting pairs", |pass, commands| {

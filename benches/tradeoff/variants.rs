@@ -33,7 +33,7 @@ impl Variant {
             setting: setting.to_owned(),
             edits,
             half_sh: false,
-            depth_bits: 30,
+            depth_bits: 32,
         }
     }
 
@@ -65,7 +65,7 @@ fn edit(stage: &'static str, from: &str, to: &str) -> Edit {
 pub const KEPT: [(&str, &str); 5] = [
     (ALPHA, "1/255"),
     (TILES, "rows of the ellipse"),
-    (DEPTH, "30 bits"),
+    (DEPTH, "32 bits"),
     (EXP, "polynomial of degree 6"),
     (SH, "32-bit floats"),
 ];
@@ -75,7 +75,7 @@ pub fn all() -> Vec<Variant> {
     let mut all = vec![Variant::new("", "", Vec::new())];
     all.extend([65_536, 1024, 512, 128, 64, 32].map(alpha));
     all.extend([bounding_box(), square()]);
-    all.extend([16, 24, 32].map(depth));
+    all.extend([16, 24, 28].map(depth));
     all.extend(exponentials());
     all.push(Variant {
         half_sh: true,
@@ -99,53 +99,57 @@ fn alpha(inverse: u32) -> Variant {
 /// Every tile that the ellipse's bounding box meets.
 fn bounding_box() -> Variant {
     let edits = vec![
-        edit("bin", "clamp(o.y_right, min(y_0, y_1), y_1)", "o.y_right"),
-        edit("bin", "clamp(-o.y_right, min(y_0, y_1), y_1)", "-o.y_right"),
+        edit("bin", "clamp(o.t_right, min(t_0, t_1), t_1)", "o.t_right"),
+        edit("bin", "clamp(-o.t_right, min(t_0, t_1), t_1)", "-o.t_right"),
     ];
     Variant::new(TILES, "its bounding box", edits)
 }
 
 /// 3DGS's square of three standard deviations of the longer axis.
 fn square() -> Variant {
-    let radius = "let k_yy = CONIC_SCALE * inv_yy;
+    let side = "let inv_xx = 1.0 / s1.x;
+        let k_yy = CONIC_SCALE * inv_yy;
         let k_xx = CONIC_SCALE * inv_xx;
+        let shear = -s1.y * inv_xx;
         let var_yy = k_yy * k_yy;
-        let var_xy = slope * var_yy;
-        let var_xx = k_xx * k_xx + slope * var_xy;
+        let var_xy = shear * var_yy;
+        let var_xx = k_xx * k_xx + shear * var_xy;
         let spread = length(vec2f(var_xx - var_yy, 2.0 * var_xy));
-        let half_height = ceil(3.0 * sqrt(0.5 * (var_xx + var_yy + spread)));";
+        let half_side = ceil(3.0 * sqrt(0.5 * (var_xx + var_yy + spread)));
+        let mean_y = -s0.w * inv_yy;";
     let edits = vec![
-        edit("bin", "let half_height = sqrt(reach) * inv_yy;", radius),
+        edit("bin", "let inv_xx = 1.0 / s1.x;", side),
+        edit("bin", "- (s0.w + radius) * inv_yy", "+ mean_y - half_side"),
+        edit("bin", "- (s0.w - radius) * inv_yy", "+ mean_y + half_side"),
         edit(
             "bin",
-            "let right = o.slope * dy_right + sqrt(max(o.reach - t_right * t_right, 0.0)) * o.inv_xx;",
-            "let right = o.half_height;",
+            "o.t_right = radius * slope / sqrt(1.0 + slope * slope);",
+            "o.t_right = half_side;",
         ),
         edit(
             "bin",
-            "let left = o.slope * dy_left - sqrt(max(o.reach - t_left * t_left, 0.0)) * o.inv_xx;",
-            "let left = -o.half_height;",
+            "let right = (sqrt(max(o.reach - right_y * right_y, 0.0)) - right_x) * o.inv_xx;",
+            "let mean_x = (o.l_xy * o.t_0.y * o.inv_yy - o.t_0.x) * o.inv_xx;
+        let right = mean_x + o.t_right;",
+        ),
+        edit(
+            "bin",
+            "let left = -(sqrt(max(o.reach - left_y * left_y, 0.0)) + left_x) * o.inv_xx;",
+            "let left = mean_x - o.t_right;",
         ),
     ];
     Variant::new(TILES, "3DGS's square of 3 sigma", edits)
 }
 
-/// Keys of fewer bits drop the lowest of the kept 30, which tell all depths apart that f32 does;
-/// keys of 32 are the depth's own bits.
+/// Keys of fewer bits drop the lowest of the 32; those of 31 and 30 drop what f32 tells apart only
+/// near the frame's origin.
 fn depth(bits: u32) -> Variant {
-    let edits = if bits > 30 {
-        vec![
-            edit("depth_keys", " - bitcast<u32>(view.center_near.w)", ""),
-            edit(
-                "depth_keys",
-                "select(0x3fffffffu, min(key, 0x3ffffffeu), s1.w > 0.0)",
-                "select(0xffffffffu, key, s1.w > 0.0)",
-            ),
-        ]
-    } else {
-        let to = format!("(min(key, 0x3ffffffeu) >> {0}u) << {0}u", 30 - bits);
-        vec![edit("depth_keys", "min(key, 0x3ffffffeu)", &to)]
-    };
+    let dropped = 32 - bits;
+    let edits = vec![edit(
+        "project",
+        "vec2u(depth_key(o.p), id)",
+        &format!("vec2u((depth_key(o.p) >> {dropped}u) << {dropped}u, id)"),
+    )];
     Variant {
         depth_bits: bits,
         ..Variant::new(DEPTH, &format!("{bits} bits"), edits)

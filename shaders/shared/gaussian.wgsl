@@ -32,10 +32,10 @@ fn rotation_matrix(q: vec4f) -> mat3x3f {
 // What projection and its backward share: the Gaussian in the camera and M = J W R S (2x3), with
 // cov2d = M M^T + DILATION I.
 struct Projection {
-    p: vec3f,
-    // x/z and y/z, and the same after the bounds of the Jacobian.
-    ratio: vec2f,
-    ratio_bounded: vec2f,
+    p: Double,
+    // x/z and y/z, and the same after the bounds of the Jacobian; z is nothing.
+    ratio: Double,
+    ratio_bounded: Double,
     rotation: mat3x3f,
     scale: vec3f,
     // Rows of J W.
@@ -46,15 +46,35 @@ struct Projection {
     m_y: vec3f,
 }
 
+// One number of each of the three rows of [R | t].
+fn column(view: View, i: u32) -> Double {
+    return Double(
+        vec3f(view.w2c_x[i], view.w2c_y[i], view.w2c_z[i]),
+        vec3f(view.w2c_low_x[i], view.w2c_low_y[i], view.w2c_low_z[i]),
+    );
+}
+
+// `mean` in the camera's axes, R mean + t. To any degree its terms may cancel: beside the camera all
+// do, and where a narrow view looks from afar those across.
+fn to_camera(view: View, mean: vec3f) -> Double {
+    let x = product(column(view, 0u), double(mean.xxx));
+    let y = product(column(view, 1u), double(mean.yyy));
+    let z = product(column(view, 2u), double(mean.zzz));
+    return sum(sum(sum(x, y), z), column(view, 3u));
+}
+
 fn project_gaussian(view: View, g: Gaussian) -> Projection {
     var o: Projection;
-    let mean = vec4f(g.mean, 1.0);
-    o.p = vec3f(dot(view.w2c_x, mean), dot(view.w2c_y, mean), dot(view.w2c_z, mean));
-    o.ratio = o.p.xy / o.p.z;
-    o.ratio_bounded = clamp(o.ratio, view.ratio_bounds.xz, view.ratio_bounds.yw);
-    let focal_z = view.intrinsics.xy / o.p.z;
-    o.t_x = focal_z.x * (view.w2c_x.xyz - o.ratio_bounded.x * view.w2c_z.xyz);
-    o.t_y = focal_z.y * (view.w2c_y.xyz - o.ratio_bounded.y * view.w2c_z.xyz);
+    o.p = to_camera(view, g.mean);
+    o.ratio = quotient(o.p, third(o.p));
+    let least = vec3f(view.ratio_bounds.xz, 0.0);
+    let most = vec3f(view.ratio_bounds.yw, 2.0);
+    let low = select(o.ratio.lo, vec3f(view.ratio_bounds_low.xz, 0.0), o.ratio.hi < least);
+    o.ratio_bounded.hi = clamp(o.ratio.hi, least, most);
+    o.ratio_bounded.lo = select(low, vec3f(view.ratio_bounds_low.yw, 0.0), o.ratio.hi > most);
+    let focal_z = view.intrinsics.xy / o.p.hi.z;
+    o.t_x = focal_z.x * (view.w2c_x.xyz - o.ratio_bounded.hi.x * view.w2c_z.xyz);
+    o.t_y = focal_z.y * (view.w2c_y.xyz - o.ratio_bounded.hi.y * view.w2c_z.xyz);
     o.rotation = rotation_matrix(g.rotation_wxyz / length(g.rotation_wxyz));
     o.scale = exp(g.scale_log);
     o.m_x = (o.t_x * o.rotation) * o.scale;

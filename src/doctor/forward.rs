@@ -14,10 +14,10 @@ use crate::gpu::Commands;
 use crate::gpu::constants::{BLOCK_H, BLOCK_W, RIM, TILE_H, TILE_W, TOTAL_PAIRS};
 use crate::render::Pass;
 
-/// A projected Gaussian as the GPU stores it: `u, v, depth, A, B, C, r, g, b, opacity`.
-type Row = [f64; 10];
+/// A projected Gaussian as the GPU stores it: `u, v, A, B, C, r, g, b, opacity`.
+type Row = [f64; 9];
 
-const COLUMNS: [&str; 10] = ["u", "v", "depth", "A", "B", "C", "r", "g", "b", "opacity"];
+const COLUMNS: [&str; 9] = ["u", "v", "A", "B", "C", "r", "g", "b", "opacity"];
 
 /// How long the tile lists are.
 #[derive(Clone, Copy, Debug)]
@@ -50,9 +50,8 @@ pub fn examine(
     hold_splats(&splats, twin, projection_bound, out);
 
     let n = rig.model.n;
-    run(|pass, commands| pass.depth_keys(commands));
     let keys: Vec<[u32; 2]> = rig.read(ctx, "depth_order", n)?;
-    hold_keys(&keys, &splats, out);
+    hold_keys(&keys, &splats, twin, camera, out);
     run(|pass, commands| pass.sort_by_depth(commands));
     let order: Vec<[u32; 2]> = rig.read(ctx, "depth_order", n)?;
     out.equal((stage::RADIX_SORT, "by depth"), &order, &sorted(&keys));
@@ -99,21 +98,21 @@ pub fn examine(
     Ok(lengths)
 }
 
-/// `None` where a Gaussian is not drawn. The conic is stored as its Cholesky factor scaled by
-/// `sqrt(log2(e) / 2)`.
+/// `None` where a Gaussian is not drawn. The conic is stored as its Cholesky factor L scaled by
+/// `sqrt(log2(e) / 2)`, the mean as L (anchor - mean).
 fn read_splats(ctx: &Context, rig: &Rig) -> Result<Vec<Option<Row>>> {
     let splats: Vec<[[f32; 4]; 3]> = rig.read(ctx, "splats", rig.model.n)?;
     let two_ln_2 = 2.0 * std::f64::consts::LN_2;
     let row = |splat: [[f32; 4]; 3]| {
         let [
-            [u, v, l_xx, l_xy],
-            [l_yy, opacity, depth, reach],
-            [r, g, b, _],
+            [x, y, t_x, t_y],
+            [l_xx, l_xy, l_yy, reach],
+            [r, g, b, opacity],
         ] = splat.map(|part| part.map(f64::from));
+        let from_mean = t_y / l_yy;
         (reach > 0.0).then_some([
-            u,
-            v,
-            depth,
+            x - (t_x - l_xy * from_mean) / l_xx,
+            y - from_mean,
             two_ln_2 * l_xx * l_xx,
             two_ln_2 * l_xx * l_xy,
             two_ln_2 * (l_xy * l_xy + l_yy * l_yy),
@@ -136,7 +135,7 @@ fn hold_splats(splats: &[Option<Row>], twin: &[TwinSplat], bound: f64, out: &mut
         if let (Some(row), true) = (row, is_visible(s)) {
             let ([u, v], [a, b, c], [red, green, blue]) = (s.mean2d, s.conic, s.rgb);
             ours.push(*row);
-            theirs.push([u, v, s.depth, a, b, c, red, green, blue, s.opacity]);
+            theirs.push([u, v, a, b, c, red, green, blue, s.opacity]);
         }
     }
     for (c, column) in COLUMNS.into_iter().enumerate() {
@@ -150,20 +149,31 @@ fn hold_splats(splats: &[Option<Row>], twin: &[TwinSplat], bound: f64, out: &mut
     }
 }
 
-/// Keys of 30 bits order as the depths do, those of splats that are not drawn come last.
-fn hold_keys(keys: &[[u32; 2]], splats: &[Option<Row>], out: &mut Findings) {
-    let depth = |i: usize| splats[i].map_or(f64::INFINITY, |s| s[2]);
-    let mut order: Vec<usize> = (0..keys.len()).collect();
-    order.sort_by(|&a, &b| depth(a).total_cmp(&depth(b)));
+/// Keys order as the reference's depths do; those of splats that are not drawn come last. Depths may
+/// share a key only where f32 holds neither them nor their distances from the frame's origin apart.
+fn hold_keys(
+    keys: &[[u32; 2]],
+    splats: &[Option<Row>],
+    twin: &[TwinSplat],
+    camera: &TwinCamera,
+    out: &mut Findings,
+) {
+    let mut order: Vec<usize> = (0..keys.len()).filter(|&i| splats[i].is_some()).collect();
+    order.sort_by(|&a, &b| twin[a].depth.total_cmp(&twin[b].depth));
     let disordered = order.windows(2).filter(|pair| {
-        let (a, b) = (pair[0], pair[1]);
-        keys[a][0].cmp(&keys[b][0]) != depth(a).total_cmp(&depth(b))
+        let [a, b] = [pair[0], pair[1]].map(|i| (keys[i][0], twin[i].depth));
+        let size = b.1.min((b.1 - camera.w2c[2][3]).abs());
+        let apart = b.1 - a.1 > f64::from(f32::EPSILON) * size;
+        a.0 > b.0 || (apart && a.0 == b.0) || (a.1 == b.1 && a.0 != b.0)
     });
-    let n_wrong = disordered.count() + keys.iter().filter(|k| k[0] >= 1 << 30).count();
-    out.none((stage::DEPTH_KEYS, "order"), n_wrong);
+    let n_last = (0..keys.len()).filter(|&i| (keys[i][0] == u32::MAX) == splats[i].is_some());
+    out.none(
+        (stage::PROJECT, "order of keys"),
+        disordered.count() + n_last.count(),
+    );
     let ids: Vec<u32> = keys.iter().map(|k| k[1]).collect();
     let expected: Vec<u32> = (0..keys.len() as u32).collect();
-    out.equal((stage::DEPTH_KEYS, "Gaussians"), &ids, &expected);
+    out.equal((stage::PROJECT, "Gaussians of keys"), &ids, &expected);
 }
 
 /// By key, equal keys as they were.

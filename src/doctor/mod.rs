@@ -111,12 +111,13 @@ pub fn examine(gpu: Gpu) -> Result<Report> {
 /// A GPU fault.
 pub fn examine_kernels(ctx: &Context) -> Result<Vec<Finding>> {
     let mut findings = Vec::new();
-    for case in view::small_cases() {
-        findings.extend(view::examine(ctx, &case)?.0.list);
+    for case in view::small_cases().iter().chain(&view::extreme_cases()) {
+        findings.extend(view::examine(ctx, case)?.0.list);
     }
     for case in loss_cases() {
         findings.extend(loss::examine(ctx, &case)?.list);
     }
+    findings.extend(loss::examine_residual(ctx, loss::LARGE)?.list);
     for degree in 0..4 {
         for n_views in [1, 2] {
             findings.extend(adam::examine(ctx, degree, n_views, f32::INFINITY)?.list);

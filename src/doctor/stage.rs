@@ -2,7 +2,6 @@
 //! later ones build on it. The sorts scan, so the scan comes before them.
 
 pub const PROJECT: &str = "project";
-pub const DEPTH_KEYS: &str = "depth_keys";
 pub const SCAN: &str = "scan";
 pub const RADIX_SORT: &str = "radix sort";
 pub const BIN: &str = "bin";
@@ -22,9 +21,8 @@ pub const FIELD: &str = "field, on the CPU";
 pub const POINT_SPLAT: &str = "point splat, on the CPU";
 
 /// Every stage.
-pub const ALL: [&str; 19] = [
+pub const ALL: [&str; 18] = [
     PROJECT,
-    DEPTH_KEYS,
     SCAN,
     RADIX_SORT,
     BIN,

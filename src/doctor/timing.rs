@@ -105,11 +105,8 @@ type Step = (&'static str, fn(&Pass<'_>, &mut Commands<'_>));
 
 /// The stages of a view. The sort by tile stands for both sorts, counting and emitting pairs are
 /// one stage.
-const STEPS: [Step; 13] = [
+const STEPS: [Step; 12] = [
     (stage::PROJECT, |pass, commands| pass.project(commands)),
-    (stage::DEPTH_KEYS, |pass, commands| {
-        pass.depth_keys(commands)
-    }),
     ("", |pass, commands| pass.sort_by_depth(commands)),
     (stage::BIN, |pass, commands| pass.count_pairs(commands)),
     (stage::SCAN, |pass, commands| pass.scan_pairs(commands)),
@@ -166,7 +163,6 @@ pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<Vec<Timing>> {
     let n = case.gaussians.n();
     Ok([
         (stage::PROJECT, n, "Gaussians"),
-        (stage::DEPTH_KEYS, n, "Gaussians"),
         (stage::RADIX_SORT, n_pairs, "pairs"),
         (stage::BIN, n_pairs, "pairs"),
         (stage::SCAN, n, "Gaussians"),

@@ -6,7 +6,8 @@ use super::image::{self, Truth};
 use super::pose;
 use super::rig::{Context, Rig};
 use crate::doctor::twin::cases::{
-    TwinCase, cover, crowd, huge, layers, loss_weights, needles, random_scene,
+    TwinCase, beside, cover, crowd, distant_needles, huge, layers, loss_weights, narrow, needles,
+    random_scene,
 };
 use crate::doctor::twin::dropout::{TwinDropout, TwinGuide};
 use crate::doctor::twin::model::{TwinCamera, TwinGaussians};
@@ -100,6 +101,17 @@ impl ViewCase {
             residual: Residual::Random,
         }
     }
+}
+
+/// Views whose numbers nearly cancel in single precision.
+pub fn extreme_cases() -> Vec<ViewCase> {
+    let size = (160, 104);
+    let needles = distant_needles(60, 13);
+    vec![
+        ViewCase::new("0.1 degrees", &narrow(400, 11), 0, size, ORDINARY),
+        ViewCase::new("camera at 1e-3", &beside(400, 12), 0, size, ORDINARY),
+        ViewCase::new("needles from far outside", &needles, 0, size, NEEDLES),
+    ]
 }
 
 /// Camera 1 of a case, each Gaussian left out with probability `percent` / 100.

@@ -17,7 +17,7 @@ pub const SCAN_FEW: u32 = 4;
 /// Entries a thread of a radix sort moves; below 256. Bits of a digit, and of a depth key.
 pub const RADIX_CHUNK: u32 = 128;
 pub const RADIX_BITS: u32 = 4;
-pub const DEPTH_BITS: u32 = 30;
+pub const DEPTH_BITS: u32 = 32;
 /// Sorted pairs a thread looks through for where tiles begin and end.
 pub const RANGE_CHUNK: u32 = 16;
 /// Pairs that a thread emits.

@@ -12,6 +12,7 @@ macro_rules! sources {
 
 const SHARED: &[(&str, &str)] = sources![
     "shared/view",
+    "shared/double",
     "shared/gaussian",
     "shared/dropout",
     "shared/sh",
@@ -24,7 +25,6 @@ const SHARED: &[(&str, &str)] = sources![
 /// Every stage's name and source, as written.
 pub const STAGES: &[(&str, &str)] = sources![
     "project",
-    "depth_keys",
     "radix",
     "bin",
     "scan",

@@ -9,7 +9,6 @@ use crate::gpu::{Buffer, Gpu, Kernel, Stage, by_degree};
 pub struct Kernels {
     /// By active SH degree.
     pub(super) project: [Kernel; 4],
-    pub(super) depth_keys: Kernel,
     pub(super) radix_count: Kernel,
     pub(super) radix_move: Kernel,
     pub(super) bin: Kernel,
@@ -62,7 +61,6 @@ impl Kernels {
         let (radix, loss) = rayon::join(|| stage("radix", 0), || stage("loss_sum", 0));
         Kernels {
             project,
-            depth_keys: kernel("depth_keys"),
             radix_count: radix.kernel(gpu, "radix_count"),
             radix_move: radix.kernel(gpu, "radix_move"),
             bin: kernel("bin"),
@@ -97,7 +95,6 @@ pub struct Bound {
 pub(super) struct Groups {
     /// By active SH degree.
     pub(super) project: [wgpu::BindGroup; 4],
-    pub(super) depth_keys: wgpu::BindGroup,
     pub(super) depth_passes: Vec<RadixGroups>,
     pub(super) pair_passes: Vec<RadixGroups>,
     pub(super) bin_count: wgpu::BindGroup,
@@ -186,7 +183,6 @@ impl Groups {
         let uniforms = &space.slots[slot];
         Groups {
             project: kernels.project.each_ref().map(|k| with(&[], k)),
-            depth_keys: with(&[], &kernels.depth_keys),
             depth_passes: radix(&uniforms.depth_passes, &space.depth_order, {
                 &uniforms.scan_splat_digits
             }),

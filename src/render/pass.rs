@@ -81,7 +81,6 @@ impl<'a> Pass<'a> {
     /// Renders into `workspace.rendered`: the stages from [`Pass::project`] on in a row.
     pub fn forward(&self, commands: &mut Commands<'_>) {
         self.project(commands);
-        self.depth_keys(commands);
         self.sort_by_depth(commands);
         self.count_pairs(commands);
         self.scan_pairs(commands);
@@ -92,16 +91,10 @@ impl<'a> Pass<'a> {
         self.rasterize(commands);
     }
 
-    /// Fills `splats`.
+    /// Fills `splats` and, unsorted, `depth_order`.
     pub fn project(&self, commands: &mut Commands<'_>) {
         let (kernels, degree) = (&self.kernels.project, self.sh_degree);
         commands.dispatch(&kernels[degree], &self.groups().project[degree], self.n());
-    }
-
-    /// Fills `depth_order`, unsorted.
-    pub fn depth_keys(&self, commands: &mut Commands<'_>) {
-        let kernel = &self.kernels.depth_keys;
-        commands.dispatch(kernel, &self.groups().depth_keys, self.n());
     }
 
     /// Sorts `depth_order`.

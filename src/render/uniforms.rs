@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::camera::Camera;
 use crate::gpu::constants::{BLOCK_H, BLOCK_W, RATIO_MARGIN, SSIM_ROWS, TILE_H, TILE_W, WORKGROUP};
 
-/// Smallest near plane. The depth sort's keys reach 2^127 times as far, which from 0 is nowhere.
+/// Smallest near plane: depths reach 2^127 times as far, which from 0 is nowhere.
 const MIN_NEAR: f64 = 1e-18;
 
 /// One rendered view; `View` in WGSL.
@@ -15,9 +15,15 @@ pub struct ViewUniform {
     pub w2c_x: [f32; 4],
     pub w2c_y: [f32; 4],
     pub w2c_z: [f32; 4],
+    pub w2c_low_x: [f32; 4],
+    pub w2c_low_y: [f32; 4],
+    pub w2c_low_z: [f32; 4],
     pub center_near: [f32; 4],
+    pub center_low: [f32; 4],
     pub intrinsics: [f32; 4],
+    pub intrinsics_low: [f32; 4],
     pub ratio_bounds: [f32; 4],
+    pub ratio_bounds_low: [f32; 4],
     pub background: [f32; 4],
     pub size: [u32; 4],
     pub counts: [u32; 4],
@@ -31,36 +37,37 @@ impl ViewUniform {
     /// `near` is in the camera's world unit.
     pub fn new(camera: &Camera, near: f64, background: [f64; 3]) -> ViewUniform {
         let row = |i: usize| {
-            let r = camera.rotation.row(i);
-            [
-                r.x as f32,
-                r.y as f32,
-                r.z as f32,
-                camera.translation[i] as f32,
-            ]
+            let [x, y, z] = camera.rotation.row(i).to_array();
+            parts([x, y, z, camera.translation[i]])
         };
-        let center = camera.center();
+        let [(w2c_x, w2c_low_x), (w2c_y, w2c_low_y), (w2c_z, w2c_low_z)] = [0, 1, 2].map(row);
+        let [x, y, z] = camera.center().to_array();
+        let (mut center_near, center_low) = parts([x, y, z, 0.0]);
+        center_near[3] = near.max(MIN_NEAR) as f32;
         let (w, h) = (f64::from(camera.width), f64::from(camera.height));
-        let low = |c: f64, size: f64, f: f64| (-(c + RATIO_MARGIN * size) / f) as f32;
-        let high = |c: f64, size: f64, f: f64| ((size - c + RATIO_MARGIN * size) / f) as f32;
+        let low = |c: f64, size: f64, f: f64| -(c + RATIO_MARGIN * size) / f;
+        let high = |c: f64, size: f64, f: f64| (size - c + RATIO_MARGIN * size) / f;
+        let (intrinsics, intrinsics_low) = parts([camera.fx, camera.fy, camera.cx, camera.cy]);
+        let (ratio_bounds, ratio_bounds_low) = parts([
+            low(camera.cx, w, camera.fx),
+            high(camera.cx, w, camera.fx),
+            low(camera.cy, h, camera.fy),
+            high(camera.cy, h, camera.fy),
+        ]);
         let (width_4, padded_height) = padded(camera.width, camera.height);
         ViewUniform {
-            w2c_x: row(0),
-            w2c_y: row(1),
-            w2c_z: row(2),
-            center_near: [
-                center.x as f32,
-                center.y as f32,
-                center.z as f32,
-                near.max(MIN_NEAR) as f32,
-            ],
-            intrinsics: [camera.fx, camera.fy, camera.cx, camera.cy].map(|v| v as f32),
-            ratio_bounds: [
-                low(camera.cx, w, camera.fx),
-                high(camera.cx, w, camera.fx),
-                low(camera.cy, h, camera.fy),
-                high(camera.cy, h, camera.fy),
-            ],
+            w2c_x,
+            w2c_y,
+            w2c_z,
+            w2c_low_x,
+            w2c_low_y,
+            w2c_low_z,
+            center_near,
+            center_low,
+            intrinsics,
+            intrinsics_low,
+            ratio_bounds,
+            ratio_bounds_low,
             background: [
                 background[0] as f32,
                 background[1] as f32,
@@ -127,6 +134,13 @@ impl ViewUniform {
             (self.planes[0] / self.planes[1]) as usize,
         )
     }
+}
+
+/// Numbers as `f32`, and what that leaves.
+fn parts(values: [f64; 4]) -> ([f32; 4], [f32; 4]) {
+    let high = values.map(|v| v as f32);
+    let low = std::array::from_fn(|i| (values[i] - f64::from(high[i])) as f32);
+    (high, low)
 }
 
 /// Vectors of four pixels a row and rows of the padded image: whole tiles and whole SSIM strips.

@@ -35,7 +35,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-const PLANTS: [Plant; 28] = [
+const PLANTS: [Plant; 35] = [
     plant(
         "project",
         "+ DILATION;",
@@ -44,10 +44,40 @@ const PLANTS: [Plant; 28] = [
     ),
     plant("project", "* 277803737u;", "* 277803735u;", stage::PROJECT),
     plant(
-        "depth_keys",
-        "bitcast<u32>(s1.z) -",
-        "(bitcast<u32>(s1.z) & 0xfffff000u) -",
-        stage::DEPTH_KEYS,
+        "project",
+        "max(bitcast<u32>(abs(distance)), least)",
+        "max(bitcast<u32>(abs(distance)) & 0xfffff000u, least)",
+        stage::PROJECT,
+    ),
+    plant(
+        "project",
+        "select(middle + size, middle - size,",
+        "select(middle - size, middle + size,",
+        stage::PROJECT,
+    ),
+    plant(
+        "project",
+        "return Double(sum, b - opaque(sum - a));",
+        "return Double(sum, vec3f(0.0));",
+        stage::PROJECT,
+    ),
+    plant(
+        "project",
+        " - view.center_low.xyz",
+        " + view.center_low.xyz",
+        stage::PROJECT,
+    ),
+    plant(
+        "project",
+        "shear = exact_shear(g, o, r);",
+        "shear = r.hi.x - (b / cov_yy) * r.hi.y;",
+        stage::RASTERIZE,
+    ),
+    plant(
+        "project_backward",
+        "return Double(sum, b - opaque(sum - a));",
+        "return Double(sum, vec3f(0.5));",
+        stage::PROJECT_BACKWARD,
     ),
     plant(
         "radix",
@@ -93,8 +123,8 @@ const PLANTS: [Plant; 28] = [
     ),
     plant(
         "ssim",
-        "2.0 * cov + SSIM_C2",
-        "2.0 * cov + 1.01 * SSIM_C2",
+        "(var_both + SSIM_C2)",
+        "(var_both + 1.01 * SSIM_C2)",
         stage::LOSS,
     ),
     plant(
@@ -102,6 +132,13 @@ const PLANTS: [Plant; 28] = [
         "* (1.0 / 255.0);\n    let weight = select(masked,",
         "* (1.0 / 255.0);\n    let weight = select(ceil(masked),",
         stage::MASKED_LOSS,
+    ),
+    plant("ssim", "+ row_e * (residual - of_row);", ";", stage::LOSS),
+    plant(
+        "ssim",
+        "return Quad(residual + mean_e,",
+        "return Quad(1.0001 * residual + mean_e,",
+        stage::LOSS,
     ),
     plant(
         "loss_sum",
@@ -141,14 +178,14 @@ const PLANTS: [Plant; 28] = [
     ),
     plant(
         "project_backward",
-        "a.x * (1.0 - kept_share(view) * s1.y)",
-        "a.x * s1.y",
+        "a.x * (1.0 - kept_share(view) * s2.w)",
+        "a.x * s2.w",
         stage::PROJECT_BACKWARD,
     ),
     plant(
         "project_backward",
-        "1.0 - kept_share(view) * s1.y",
-        "1.0 - s1.y",
+        "1.0 - kept_share(view) * s2.w",
+        "1.0 - s2.w",
         stage::PROJECT_BACKWARD,
     ),
     plant(
@@ -228,6 +265,9 @@ fn findings(ctx: &Context) -> Result<Vec<Finding>> {
     findings.extend(view::examine(ctx, &view)?.0.list);
     let view = view::dropout_case(&random_scene(400, 2, 9), 40, 1);
     findings.extend(view::examine(ctx, &view)?.0.list);
+    for case in view::extreme_cases() {
+        findings.extend(view::examine(ctx, &case)?.0.list);
+    }
     for mask in [None, Some(MaskKind::Any)] {
         let (size, kind) = ((33, 17), Kind::Noise);
         findings.extend(loss::examine(ctx, &LossCase { size, kind, mask })?.list);

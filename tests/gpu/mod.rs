@@ -6,6 +6,7 @@ mod determinism;
 mod dispatch;
 mod doctor;
 mod dropout;
+mod extremes;
 mod fixtures;
 mod limits;
 mod loops;

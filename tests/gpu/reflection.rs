@@ -43,8 +43,8 @@ fn host_layouts() -> BTreeMap<&'static str, Layout> {
     BTreeMap::from([
         (
             "View",
-            layout!(ViewUniform: w2c_x, w2c_y, w2c_z, center_near, intrinsics, ratio_bounds,
-                background, size, counts, planes, drop_share, drop_layers),
+            layout!(ViewUniform: w2c_x, w2c_y, w2c_z, w2c_low_x, w2c_low_y, w2c_low_z,
+                center_near, center_low, intrinsics, intrinsics_low, ratio_bounds, ratio_bounds_low, background, size, counts, planes, drop_share, drop_layers),
         ),
         (
             "Loss",

@@ -3,7 +3,7 @@
 use gspotential::doctor::twin::cases::{Random, cameras, random_scene};
 use gspotential::doctor::{Context, Rig, gaussians_of, view_of};
 use gspotential::gpu::Commands;
-use gspotential::gpu::constants::{DEPTH_BITS, RADIX_CHUNK, SCAN_CHUNK, SCAN_FEW, WORKGROUP};
+use gspotential::gpu::constants::{RADIX_CHUNK, SCAN_CHUNK, SCAN_FEW, WORKGROUP};
 use gspotential::render::Pass;
 
 use super::rig::context;
@@ -79,7 +79,7 @@ fn sorts_of_all_sizes_are_stable() {
         let rig = rig(&ctx, n);
         let mut random = Random::new(n as u64);
         // Few keys, so that many are equal, but of all digits.
-        let step = (1 << DEPTH_BITS) / 37;
+        let step = u32::MAX / 37;
         let key = |_| random.uniform(0.0, 37.0) as u32 * step;
         let keys: Vec<u32> = (0..n).map(key).collect();
         let entries: Vec<[u32; 2]> = keys.into_iter().zip(0..).map(|(k, i)| [k, i]).collect();

@@ -1,12 +1,12 @@
-//! Seeded cases: every number is exactly representable in f32, so a single-precision renderer
-//! starts from the same input.
+//! Seeded cases: every number of a Gaussian, and of a camera unless it says otherwise, is exactly
+//! representable in f32, so a single-precision renderer starts from the same input.
 
 use std::collections::BTreeSet;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-use super::linalg::{Vec3, cross, dot, normalize, sub};
+use super::linalg::{Vec3, apply, cross, dot, normalize, sub, transpose};
 use super::model::{TwinCamera, TwinGaussians};
 use super::raster::TwinRender;
 use super::sh;
@@ -42,14 +42,26 @@ impl Random {
     }
 }
 
-/// A 160x104 camera at `eye` that looks at `target`, world up -y, centred, 60 degrees wide.
-pub fn looking_at(eye: Vec3, target: Vec3) -> TwinCamera {
+/// [`looking_at`] with all digits of f64 in the pose: its rows are of length 1 to all of them.
+fn exactly_looking_at(eye: Vec3, target: Vec3) -> TwinCamera {
+    TwinCamera {
+        w2c: pose_looking_at(eye, target),
+        ..looking_at(eye, target)
+    }
+}
+
+fn pose_looking_at(eye: Vec3, target: Vec3) -> [[f64; 4]; 4] {
     let (z, _) = normalize(&sub(&target, &eye));
     let (x, _) = normalize(&cross(&z, &[0.0, -1.0, 0.0]));
     let y = cross(&z, &x);
-    let row = |axis: Vec3| [axis[0], axis[1], axis[2], -dot(&axis, &eye)].map(f32_exact);
+    let row = |axis: Vec3| [axis[0], axis[1], axis[2], -dot(&axis, &eye)];
+    [row(x), row(y), row(z), [0.0, 0.0, 0.0, 1.0]]
+}
+
+/// A 160x104 camera at `eye` that looks at `target`, world up -y, centred, 60 degrees wide.
+pub fn looking_at(eye: Vec3, target: Vec3) -> TwinCamera {
     TwinCamera {
-        w2c: [row(x), row(y), row(z), [0.0, 0.0, 0.0, 1.0]],
+        w2c: pose_looking_at(eye, target).map(|row| row.map(f32_exact)),
         width: 160,
         height: 104,
         fx: 138.5,
@@ -90,7 +102,13 @@ struct Draw {
     mean: Vec3,
     scale: Vec3,
     opacity: f64,
+    /// Random where there is none.
+    rotation_wxyz: Option<[f64; 4]>,
 }
+
+/// How far apart depths in one camera are, at least: what single precision tells apart at a depth of
+/// some units.
+const DEPTH_GAP: f64 = 1e-5;
 
 /// An integer that orders as `x` does.
 fn ordered(x: f64) -> i64 {
@@ -100,11 +118,11 @@ fn ordered(x: f64) -> i64 {
 
 /// Adds Gaussians drawn by `draw`, with random rotation and SH, but only such as leave no
 /// decision a Gaussian open in any camera: near plane, depth order, the Jacobian's bounds and the
-/// clamp of the colour all have a margin of 1e-4 or more (depths 1e-5).
+/// clamp of the colour all have a margin of 1e-4 or more (depths `depth_gap`).
 fn build(
     n: usize,
     sh_degree: usize,
-    cameras: Vec<TwinCamera>,
+    (cameras, depth_gap): (Vec<TwinCamera>, f64),
     random: &mut Random,
     mut draw: impl FnMut(&mut Random) -> Draw,
 ) -> TwinCase {
@@ -122,6 +140,7 @@ fn build(
             mean,
             scale,
             opacity,
+            rotation_wxyz,
         } = draw(random);
         let mean = mean.map(f32_exact);
         let coefficients: [Vec3; 16] = std::array::from_fn(|k| {
@@ -137,7 +156,7 @@ fn build(
                 && (0..2).all(|i| bounds[i].iter().all(|b| (p[i] / p[2] - b).abs() > 1e-4))
                 && color.iter().all(|c| c.abs() > 1e-4)
                 && depths
-                    .range(ordered(p[2] - 1e-5)..=ordered(p[2] + 1e-5))
+                    .range(ordered(p[2] - depth_gap)..=ordered(p[2] + depth_gap))
                     .next()
                     .is_none()
         });
@@ -150,8 +169,8 @@ fn build(
             let logit = (opacity / (1.0 - opacity)).ln();
             gaussians.opacity_logit.push(f32_exact(logit));
             gaussians.scale_log.push(scale.map(|s| f32_exact(s.ln())));
-            let rotation = [(); 4].map(|()| f32_exact(1.5 * random.normal()));
-            gaussians.rotation_wxyz.push(rotation);
+            let rotation = rotation_wxyz.unwrap_or_else(|| [(); 4].map(|()| 1.5 * random.normal()));
+            gaussians.rotation_wxyz.push(rotation.map(f32_exact));
         }
     }
     TwinCase { gaussians, cameras }
@@ -162,25 +181,33 @@ fn build(
 pub fn random_scene(n: usize, sh_degree: usize, seed: u64) -> TwinCase {
     let mut random = Random::new(seed);
     let size = 0.35 * (n as f64).powf(-1.0 / 3.0);
-    build(n, sh_degree, cameras(), &mut random, |random| Draw {
-        mean: in_ball(random, 0.8),
-        scale: [(); 3].map(|()| size * (0.6 * random.normal()).exp()),
-        opacity: match random.uniform(0.0, 1.0) < 0.1 {
-            true => 0.9999,
-            false => random.uniform(0.05, 0.97),
+    build(
+        n,
+        sh_degree,
+        (cameras(), DEPTH_GAP),
+        &mut random,
+        |random| Draw {
+            mean: in_ball(random, 0.8),
+            scale: [(); 3].map(|()| size * (0.6 * random.normal()).exp()),
+            opacity: match random.uniform(0.0, 1.0) < 0.1 {
+                true => 0.9999,
+                false => random.uniform(0.05, 0.97),
+            },
+            rotation_wxyz: None,
         },
-    })
+    )
 }
 
 /// Needles: one axis 1e4 times the other two.
 pub fn needles(n: usize, seed: u64) -> TwinCase {
     let mut random = Random::new(seed);
-    build(n, 1, cameras(), &mut random, |random| {
+    build(n, 1, (cameras(), DEPTH_GAP), &mut random, |random| {
         let length = random.uniform(0.1, 0.5);
         Draw {
             mean: in_ball(random, 0.6),
             scale: [length, 1e-4 * length, 1e-4 * length],
             opacity: random.uniform(0.3, 0.97),
+            rotation_wxyz: None,
         }
     })
 }
@@ -189,10 +216,11 @@ pub fn needles(n: usize, seed: u64) -> TwinCase {
 /// Jacobian's bounds, and their ellipses cover whole images.
 pub fn huge(n: usize, seed: u64) -> TwinCase {
     let mut random = Random::new(seed);
-    build(n, 2, cameras(), &mut random, |random| Draw {
+    build(n, 2, (cameras(), DEPTH_GAP), &mut random, |random| Draw {
         mean: in_ball(random, 3.0),
         scale: [(); 3].map(|()| (3.0 * (0.8 * random.normal()).exp()).min(100.0)),
         opacity: random.uniform(0.1, 0.6),
+        rotation_wxyz: None,
     })
 }
 
@@ -202,16 +230,16 @@ pub fn huge(n: usize, seed: u64) -> TwinCase {
 pub fn layers(n_layers: usize, n_per_layer: usize, seed: u64) -> TwinCase {
     let mut random = Random::new(seed);
     let camera = looking_at([0.0; 3], [0.0, 0.0, 1.0]);
-    let mut case = build(n_layers * n_per_layer, 0, vec![camera], &mut random, |r| {
-        Draw {
-            mean: [
-                r.uniform(-0.5, 0.5),
-                r.uniform(-0.3, 0.3),
-                r.uniform(1.0, 2.0),
-            ],
-            scale: [r.uniform(0.1, 0.3), r.uniform(0.1, 0.3), 0.01],
-            opacity: r.uniform(0.3, 0.95),
-        }
+    let cameras = (vec![camera], DEPTH_GAP);
+    let mut case = build(n_layers * n_per_layer, 0, cameras, &mut random, |r| Draw {
+        mean: [
+            r.uniform(-0.5, 0.5),
+            r.uniform(-0.3, 0.3),
+            r.uniform(1.0, 2.0),
+        ],
+        scale: [r.uniform(0.1, 0.3), r.uniform(0.1, 0.3), 0.01],
+        opacity: r.uniform(0.3, 0.95),
+        rotation_wxyz: None,
     });
     for (i, mean) in case.gaussians.means.iter_mut().enumerate() {
         mean[2] = 1.0 + 0.125 * (i % n_layers) as f64;
@@ -223,10 +251,13 @@ pub fn layers(n_layers: usize, n_per_layer: usize, seed: u64) -> TwinCase {
 /// that is drawn at the corners of an image, too, whatever the image's size.
 pub fn cover() -> TwinCase {
     let camera = looking_at([0.0; 3], [0.0, 0.0, 1.0]);
-    build(1, 2, vec![camera], &mut Random::new(3), |_| Draw {
-        mean: [0.05, -0.03, 2.0],
-        scale: [1.2, 1.0, 0.7],
-        opacity: 0.7,
+    build(1, 2, (vec![camera], DEPTH_GAP), &mut Random::new(3), |_| {
+        Draw {
+            mean: [0.05, -0.03, 2.0],
+            scale: [1.2, 1.0, 0.7],
+            opacity: 0.7,
+            rotation_wxyz: None,
+        }
     })
 }
 
@@ -279,6 +310,77 @@ pub fn crowd(n: usize, seed: u64, mut is_left: impl FnMut(usize, &mut Random) ->
     }
     let cameras = vec![camera];
     TwinCase { gaussians, cameras }
+}
+
+/// A view of 0.1 degrees from distance 1 of Gaussians that fill it: their depths differ by 1e-3.
+pub fn narrow(n: usize, seed: u64) -> TwinCase {
+    let mut random = Random::new(seed);
+    let focal = f32_exact(80.0 / 0.05f64.to_radians().tan());
+    let camera = TwinCamera {
+        fx: focal,
+        fy: focal,
+        ..exactly_looking_at([0.7, -0.4, 0.6], [0.0; 3])
+    };
+    let size = 3e-4 * (n as f64).powf(-1.0 / 3.0);
+    build(n, 2, (vec![camera], 1e-9), &mut random, |random| Draw {
+        mean: in_ball(random, 7e-4),
+        scale: [(); 3].map(|()| size * (0.6 * random.normal()).exp()),
+        opacity: random.uniform(0.05, 0.97),
+        rotation_wxyz: None,
+    })
+}
+
+/// A camera within a cloud of the size of 1e-3, both off the origin: what it sees is small differences
+/// of coordinates.
+pub fn beside(n: usize, seed: u64) -> TwinCase {
+    let mut random = Random::new(seed);
+    let eye = [0.34, -0.21, 0.43];
+    let camera = TwinCamera {
+        near: f32_exact(1e-4),
+        ..exactly_looking_at(eye, [-0.2, 0.1, -0.3])
+    };
+    let size = 1e-3 * (n as f64).powf(-1.0 / 3.0);
+    build(n, 2, (vec![camera], 1e-9), &mut random, |random| {
+        let offset = in_ball(random, 2e-3);
+        Draw {
+            mean: std::array::from_fn(|axis| eye[axis] + offset[axis]),
+            scale: [(); 3].map(|()| size * (0.6 * random.normal()).exp()),
+            opacity: random.uniform(0.05, 0.97),
+            rotation_wxyz: None,
+        }
+    })
+}
+
+/// Needles of a few pixels' width that cross the image, their means 1e4 to 1e5 pixels outside it.
+pub fn distant_needles(n: usize, seed: u64) -> TwinCase {
+    let mut random = Random::new(seed);
+    let camera = looking_at([0.3, -0.2, 0.1], [-0.5, 0.4, 1.1]);
+    let (to_world, focal) = (transpose(&camera.rotation()), camera.fx);
+    let (bounds, eye) = (camera.tangent_bounds(), camera.center());
+    build(n, 1, (vec![camera], DEPTH_GAP), &mut random, |random| {
+        let depth = random.uniform(0.03, 0.1);
+        let distance = 10f64.powf(random.uniform(4.0, 5.0));
+        let (sin, cos) = random.uniform(0.0, std::f64::consts::TAU).sin_cos();
+        let tangent = [cos, sin].map(|x| distance * x / focal);
+        // Towards a place in the image, through the Jacobian, which is that of its bounds.
+        let target = [random.uniform(-70.0, 70.0), random.uniform(-40.0, 40.0)];
+        let along = random.uniform(-0.5, 0.5);
+        let [x, y] = [0, 1].map(|i| {
+            let bounded = tangent[i].clamp(bounds[i][0], bounds[i][1]);
+            (target[i] / focal - tangent[i]) * focal / distance + along * bounded
+        });
+        let ([x, y, z], length) = normalize(&apply(&to_world, &[x, y, along]));
+        let scale = |pixels: f64| pixels * depth / focal;
+        let width = scale(random.uniform(1.0, 5.0));
+        let offset = apply(&to_world, &[depth * tangent[0], depth * tangent[1], depth]);
+        Draw {
+            mean: std::array::from_fn(|axis| eye[axis] + offset[axis]),
+            scale: [scale(0.5 * distance) * length, width, width],
+            opacity: random.uniform(0.3, 0.97),
+            // The turn that takes the first axis there.
+            rotation_wxyz: Some([1.0 + x, 0.0, -z, y]),
+        }
+    })
 }
 
 fn in_ball(random: &mut Random, radius: f64) -> Vec3 {
