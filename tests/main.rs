@@ -34,6 +34,7 @@ mod report;
 mod run;
 mod scene;
 mod shell;
+mod single_view;
 mod splat;
 mod study;
 mod views;

@@ -128,6 +128,7 @@ fn a_map_shows_values_and_marks() {
     let mut map = SphereMap {
         title: "U_info".to_owned(),
         color_label: "U_info".to_owned(),
+        range: None,
         value: &value,
         compass: Compass::new(DVec3::Z, DVec3::X).unwrap(),
         marks: vec![MapMark {
@@ -145,6 +146,15 @@ fn a_map_shows_values_and_marks() {
     map.value = &|_| 1.0;
     let rows = map.to_svg().unwrap().matches(r#"width="720""#).count();
     assert_eq!(rows, 60);
+    // A given range fixes the colours, and what has no value is left blank.
+    map.range = Some(-1.0..1.0);
+    let middle = map.to_svg().unwrap();
+    map.range = Some(1.0..2.0);
+    assert_ne!(map.to_svg().unwrap(), middle);
+    map.value = &|p| if p.z > 0.0 { 1.0 } else { f64::NAN };
+    let svg = map.to_svg().unwrap();
+    let blank = svg.matches(r##"fill="#FFFFFF""##).count();
+    assert!(blank >= 30, "{blank}");
     map.value = &|_| f64::NAN;
     assert!(map.to_svg().is_err());
 }
@@ -182,6 +192,7 @@ fn examples_are_complete_documents() {
     let map = SphereMap {
         title: "U_total".to_owned(),
         color_label: "U_total".to_owned(),
+        range: None,
         value: &value,
         compass: Compass::new(DVec3::Z, DVec3::X).unwrap(),
         marks: vec![

@@ -204,15 +204,36 @@ fn masked_means_are_over_the_views_that_have_a_mask() {
 }
 
 #[test]
-fn time_to_the_model_is_without_evaluation() {
+fn time_to_the_model_is_from_loading_to_writing_without_evaluation() {
+    // Powers of two: the sum tells what is in it.
+    let power = |k: i32| Some(2f64.powi(k));
     let seconds = Seconds {
-        load: Some(1.0),
-        splat: Some(2.0),
-        train: Some(4.0),
-        eval: Some(8.0),
-        ..Seconds::default()
+        load: power(0),
+        field: power(1),
+        carve: power(2),
+        sample: power(3),
+        splat: power(4),
+        gaussians: power(5),
+        files: power(6),
+        compile: power(7),
+        upload: power(8),
+        train: power(9),
+        write: power(10),
+        // Before loading, sums and parts of the above, and after the model.
+        open: power(11),
+        to_first_iteration: power(12),
+        first_iteration: power(13),
+        densify: power(14),
+        checkpoints: power(15),
+        eval: power(16),
+        report: power(17),
     };
-    assert_eq!(seconds.to_model(), Some(7.0));
+    assert_eq!(seconds.to_model(), Some(2047.0));
+    let reloaded = Seconds {
+        carve: None,
+        ..seconds
+    };
+    assert_eq!(reloaded.to_model(), Some(2043.0));
     assert_eq!(Seconds::default().to_model(), None);
 }
 

@@ -187,6 +187,7 @@ impl Surveyed {
         SphereMap {
             title: "Camera potential".to_owned(),
             color_label: "U_total".to_owned(),
+            range: None,
             value: &|d| self.field.u_total(d),
             compass: self.compass,
             marks: vec![
@@ -202,6 +203,7 @@ impl Surveyed {
         SphereMap {
             title: "What the photographs leave uncovered".to_owned(),
             color_label: "uncovered".to_owned(),
+            range: None,
             value: &|d| uncovered(&self.field, d),
             compass: self.compass,
             marks: [self.training_mark()].into_iter().chain(one_more).collect(),

@@ -22,6 +22,14 @@ use crate::views::{VirtualView, candidates, virtual_views};
 /// Most portions that splatting is done in: each goes through all points once to place them.
 const N_PORTIONS: usize = 16;
 
+/// 3DGS's camera extent, in spreads of the training cameras.
+const EXTENT: f64 = 1.1;
+
+/// Cameras that spread less than this share of `R` stand in one place. Their extent would be 0:
+/// positions would not move, and every Gaussian would be pruned for its size. They get that of
+/// cameras which stand all around the sphere.
+const MIN_SPREAD: f64 = 1e-6;
+
 /// What training starts from.
 pub struct Prepared {
     pub frame: Frame,
@@ -78,6 +86,14 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
             "the subject is cut out by its masks: no far shell and no filled holes".to_owned(),
         );
     }
+    let spread = spread(&train_cameras, &frame);
+    if spread < MIN_SPREAD {
+        warnings.push(
+            "the training cameras stand in one place: their extent is taken for that of cameras \
+             all around the sphere"
+                .to_owned(),
+        );
+    }
     if virtual_views.len() < config.views.count {
         warnings.push(format!(
             "{} virtual views instead of {} (views.count): no other candidate reaches \
@@ -91,7 +107,7 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
         shell,
         ..supervision(
             scene,
-            &frame,
+            (&frame, spread),
             coverage,
             &virtual_views,
             goals,
@@ -193,7 +209,7 @@ fn splatted(
 /// The views that the optimiser learns from, in the canonical frame.
 fn supervision(
     scene: &Scene,
-    frame: &Frame,
+    (frame, spread): (&Frame, f64),
     coverage: Coverage,
     virtual_views: &[VirtualView],
     goals: Vec<Goal>,
@@ -206,11 +222,10 @@ fn supervision(
     let virtual_views = virtual_views.iter().zip(goals).map(|(view, goal)| {
         TrainingView::packed(frame.camera_to_canonical(&view.camera), goal, view.alpha)
     });
-    let real: Vec<TrainingView> = real.collect();
     Supervision {
-        extent: extent(&real),
+        extent: EXTENT * if spread < MIN_SPREAD { 1.0 } else { spread },
         near: frame.near(near),
-        real,
+        real: real.collect(),
         virtual_views: virtual_views.collect(),
         coverage,
         shell: None,
@@ -245,11 +260,12 @@ fn mean_color(views: &[View]) -> DVec3 {
     DVec3::from_array(sum.map(|s| s as f64 / n.max(1) as f64))
 }
 
-/// 3DGS's camera extent: 1.1 times the greatest distance of a camera from their mean.
-fn extent(views: &[TrainingView]) -> f64 {
-    let centers: Vec<_> = views.iter().map(|view| view.camera.center()).collect();
+/// Greatest distance of a camera from their mean, in `R`.
+fn spread(cameras: &[Camera], frame: &Frame) -> f64 {
+    let center = |camera: &Camera| frame.camera_to_canonical(camera).center();
+    let centers: Vec<DVec3> = cameras.iter().map(center).collect();
     let mean = centers.iter().sum::<DVec3>() / centers.len().max(1) as f64;
-    1.1 * centers.iter().map(|c| c.distance(mean)).fold(0.0, f64::max)
+    centers.iter().map(|c| c.distance(mean)).fold(0.0, f64::max)
 }
 
 fn n_pixels(image: &Image) -> usize {

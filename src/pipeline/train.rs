@@ -138,7 +138,7 @@ impl Task<'_> {
         // What is measured is what was written.
         drop(gaussians);
         let refined_poses = self.write_refined(&cameras)?;
-        clock.lap();
+        seconds.write = Some(clock.lap());
         let (config, frame) = (&job.config, &prepared.frame);
         let device = (gpu, &kernels);
         let own = Seen {

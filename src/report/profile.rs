@@ -70,6 +70,7 @@ fn stage_table(seconds: &Seconds) -> Table {
         ("- the first iteration", seconds.first_iteration),
         ("- densification, pruning, resets", seconds.densify),
         ("- checkpoints", seconds.checkpoints),
+        ("writing the model", seconds.write),
         ("evaluation", seconds.eval),
         ("report", seconds.report),
     ] {

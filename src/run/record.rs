@@ -107,25 +107,30 @@ pub struct Seconds {
     pub densify: Option<f64>,
     /// Part of `train`.
     pub checkpoints: Option<f64>,
+    /// Writing the trained model.
+    pub write: Option<f64>,
     pub eval: Option<f64>,
     /// The run's page; in `profile.json` alone.
     pub report: Option<f64>,
 }
 
 impl Seconds {
-    /// From loading the scene to the trained model; none where it was not trained.
+    /// From loading the scene to the written model, without any evaluation; none where it was not
+    /// trained.
     pub fn to_model(&self) -> Option<f64> {
-        let before = [
+        let beside = [
             self.load,
             self.field,
             self.carve,
             self.sample,
             self.splat,
             self.gaussians,
+            self.files,
             self.compile,
             self.upload,
+            self.write,
         ];
-        Some(before.iter().flatten().sum::<f64>() + self.train?)
+        Some(beside.iter().flatten().sum::<f64>() + self.train?)
     }
 }
 

@@ -1,7 +1,8 @@
 //! What each part of the method adds (Table 2).
 
 use super::plan::{Base, Variant};
-use super::quality::{LPIPS, PSNR, SCENE, SSIM, gain, psnr_at, quality, scenes};
+use super::quality::{LPIPS, PSNR, SCENE, SSIM, TO_MODEL, gain, psnr_at, quality, scenes};
+use super::renders::Method;
 use super::runs::Results;
 use super::table::{Cell, Column, DataTable};
 use super::{Picture, Report, Study};
@@ -34,7 +35,7 @@ const ROWS: [Row; 7] = [
     row("paper", [true; 5], 5),
 ];
 
-const COLUMNS: [Column; 12] = [
+const COLUMNS: [Column; 13] = [
     SCENE,
     Column::text("row", "row"),
     Column::text("preset", "preset"),
@@ -46,6 +47,7 @@ const COLUMNS: [Column; 12] = [
     PSNR,
     SSIM,
     LPIPS,
+    TO_MODEL,
     Column::text("gain", "PSNR gain dB"),
 ];
 
@@ -60,6 +62,12 @@ impl Study for Ablation {
 
     fn variants(&self, base: &Base) -> Result<Vec<Variant>> {
         base.presets(&ROWS.map(|row| row.preset))
+    }
+
+    fn methods(&self, _results: &Results) -> Vec<Method> {
+        let rows = ROWS.iter();
+        rows.map(|row| (row.preset.to_owned(), row.preset.to_owned()))
+            .collect()
     }
 
     fn report(&self, results: &Results) -> Result<Report> {

@@ -2,7 +2,7 @@
 //! figure).
 
 use super::plan::{Base, Variant};
-use super::quality::{LPIPS, PSNR, SCENE, SSIM, gain, peak, psnr, quality};
+use super::quality::{LPIPS, PSNR, SCENE, SSIM, TO_MODEL, gain, peak, psnr, quality};
 use super::runs::{Finished, Results, Scope};
 use super::table::{Cell, Column, DataTable};
 use super::{Picture, Report, Study};
@@ -125,6 +125,7 @@ fn quality_table(results: &Results) -> DataTable {
         PSNR,
         SSIM,
         LPIPS,
+        TO_MODEL,
         Column::text("gain", "over 3dgs, dB"),
     ];
     let mut table = DataTable::new("cloud", &columns);

@@ -8,11 +8,14 @@ mod cloud;
 mod kernel;
 mod need;
 mod output;
+mod parameters;
 mod parts;
+mod pilot;
 mod plan;
 mod potential;
 mod presets;
 mod quality;
+mod renders;
 mod runs;
 mod sampling;
 mod table;
@@ -25,6 +28,7 @@ pub use table::{Cell, Column, DataTable};
 pub use views::spread_order;
 
 use plan::{Base, Variant, check_names};
+use renders::Method;
 use runs::{Planned, Results, carry_out};
 
 use crate::error::{Error, Result};
@@ -42,8 +46,12 @@ pub enum StudyName {
     Sampling,
     /// 3 to 9 training views (Table 5)
     Views,
+    /// PSNR over the view sphere with one camera and with all (the pilot study)
+    Pilot,
     /// Kernels of the field: does their potential rank viewpoints by quality? (Figures 4 and 5)
     Kernel,
+    /// Sigma and lambda of the field: potential against quality, and lambda trained with
+    Parameters,
     /// The field on the sphere, and what predicts the quality of a test view
     Potential,
     /// What the parts beyond the paper add, one by one and together
@@ -61,7 +69,9 @@ impl StudyName {
             StudyName::Cloud => "cloud",
             StudyName::Sampling => "sampling",
             StudyName::Views => "views",
+            StudyName::Pilot => "pilot",
             StudyName::Kernel => "kernel",
+            StudyName::Parameters => "parameters",
             StudyName::Potential => "potential",
             StudyName::Parts => "parts",
             StudyName::Presets => "presets",
@@ -75,7 +85,9 @@ impl StudyName {
             StudyName::Cloud => &cloud::Cloud,
             StudyName::Sampling => &sampling::Sampling,
             StudyName::Views => &views::Views,
+            StudyName::Pilot => &pilot::Pilot,
             StudyName::Kernel => &kernel::KernelStudy,
+            StudyName::Parameters => &parameters::Parameters,
             StudyName::Potential => &potential::Potential,
             StudyName::Parts => &parts::Parts,
             StudyName::Presets => &presets::Presets,
@@ -94,6 +106,11 @@ trait Study {
 
     /// Tables and pictures of what they measured.
     fn report(&self, results: &Results) -> Result<Report>;
+
+    /// The methods whose renders are shown side by side; none where the study is about one.
+    fn methods(&self, _results: &Results) -> Vec<Method> {
+        Vec::new()
+    }
 }
 
 /// What a study shows.
@@ -121,10 +138,18 @@ pub fn run(name: StudyName, options: &Options) -> Result<String> {
     let plan = plan(study, options)?;
     let results = carry_out(&plan, &options.measure)?;
     let report = study.report(&results)?;
-    let text = output::write(name, study.question(), options, &results, &report)?;
+    let methods = study.methods(&results);
+    // The pictures below need the scenes, which a study that is done does not.
+    let renders = match methods.is_empty() {
+        true => None,
+        false => renders::grid(&results, &methods)
+            .inspect_err(|e| log::warn!("{}-renders.png is not made: {e}", name.name()))
+            .ok(),
+    };
+    let shown = (&report, renders.as_ref());
+    let text = output::write(name, study.question(), options, &results, shown)?;
     let runs: Vec<&RunDir> = results.runs.iter().map(|finished| &finished.run).collect();
     let page = options.out.join(format!("{}.html", name.name()));
-    // Its pictures need the scenes, which a study that is done does not.
     if let Err(e) = pipeline::compare(&runs, &page) {
         log::warn!("{} is not written: {e}", page.display());
     }

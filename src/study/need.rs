@@ -1,7 +1,7 @@
 //! What quality costs: one thing at a time is reduced.
 
 use super::plan::{Base, Variant};
-use super::quality::{LPIPS, PSNR, SCENE, SSIM, gain, psnr_at, quality, scenes};
+use super::quality::{LPIPS, PSNR, SCENE, SSIM, TO_MODEL, gain, psnr_at, quality, scenes};
 use super::runs::{Finished, Results, Scope};
 use super::table::{Cell, Column, DataTable};
 use super::viewpoints::{Setting, measure};
@@ -80,13 +80,14 @@ const FACTORS: [Factor; 5] = [
 
 const SIZE: &str = "gspotential-size-";
 
-const COLUMNS: [Column; 11] = [
+const COLUMNS: [Column; 12] = [
     SCENE,
     Column::text("factor", "what"),
     Column::text("value", "how much"),
     PSNR,
     SSIM,
     LPIPS,
+    TO_MODEL,
     Column::text("gain", "against all, dB"),
     Column::figure("n_gaussians", "Gaussians", 0),
     Column::figure("train_s", "training s", 1),

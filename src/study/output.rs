@@ -9,15 +9,17 @@ use super::runs::Results;
 use super::{Report, StudyName};
 use crate::error::{Error, Result};
 use crate::files::{create_dir, write_file};
+use crate::report::write_png;
+use crate::scene::Image;
 
-/// Writes `STUDY.md`, `STUDY.json`, a CSV file a table and an SVG file a picture; returns the
-/// Markdown.
+/// Writes `STUDY.md`, `STUDY.json`, a CSV file a table, an SVG file a picture and, where methods
+/// were put side by side, `STUDY-renders.png`; returns the Markdown.
 pub(super) fn write(
     name: StudyName,
     question: &str,
     options: &Options,
     results: &Results,
-    report: &Report,
+    (report, renders): (&Report, Option<&Image>),
 ) -> Result<String> {
     let name = name.name();
     let caption = caption(options, results)?;
@@ -30,6 +32,13 @@ pub(super) fn write(
     }
     for picture in &report.pictures {
         markdown += &format!("\n![{0}]({0}.svg)\n", picture.name);
+    }
+    let renders = renders.map(|image| (format!("{name}-renders.png"), image));
+    if let Some((file, _)) = &renders {
+        markdown += &format!(
+            "\n![renders]({file})\n\nRenders of the first seed at test views spread evenly. The box \
+             of a row is where the methods' squared errors differ most; what is in it is beneath.\n"
+        );
     }
     let tables: Vec<_> = report.tables.iter().map(|table| table.to_json()).collect();
     let json = json!({
@@ -47,6 +56,9 @@ pub(super) fn write(
     let write = |file: String, text: &str| write_file(&options.out.join(file), text.as_bytes());
     for picture in &report.pictures {
         write(format!("{}.svg", picture.name), &picture.svg)?;
+    }
+    if let Some((file, image)) = &renders {
+        write_png(&options.out.join(file), image)?;
     }
     for table in &report.tables {
         write(format!("{}.csv", table.name), &table.to_csv()?)?;

@@ -2,7 +2,7 @@
 
 use super::plan::{Base, Variant};
 use super::quality::{
-    COVERED, LPIPS, PSNR, SCENE, SSIM, covered_psnr, gain, psnr_at, quality, scenes,
+    COVERED, LPIPS, PSNR, SCENE, SSIM, TO_MODEL, covered_psnr, gain, psnr_at, quality, scenes,
 };
 use super::runs::Results;
 use super::table::{Column, DataTable};
@@ -192,6 +192,7 @@ impl Study for Parts {
             PSNR,
             SSIM,
             LPIPS,
+            TO_MODEL,
             COVERED,
             Column::text("gain", "PSNR gain dB"),
         ];

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::plan::{Base, Variant};
-use super::quality::SCENE;
+use super::quality::{SCENE, TO_MODEL, to_model};
 use super::runs::{Finished, Results};
 use super::table::{Column, DataTable};
 use super::viewpoints::{Setting, cameras, correlations, scatter};
@@ -13,15 +13,17 @@ use crate::camera::json::read_cameras;
 use crate::cloud::splat::splat_views;
 use crate::error::Result;
 use crate::report::plot::{MapMark, SphereMap};
+use crate::report::stats::Figure;
 
 const PRESETS: [&str; 3] = ["3dgs", "paper", "gspotential"];
 
-const COLUMNS: [Column; 5] = [
+const COLUMNS: [Column; 6] = [
     SCENE,
     Column::text("preset", "preset"),
     Column::text("predictor", "predictor"),
     Column::figure("spearman", "Spearman", 3),
     Column::figure("partial", "at equal angle", 3),
+    TO_MODEL,
 ];
 
 pub struct Potential;
@@ -58,11 +60,9 @@ impl Study for Potential {
             let predictors = predictors(&setting, run)?;
             let angles = &predictors[1].1;
             for preset in PRESETS {
-                let psnr: Vec<Vec<f64>> = results
-                    .of(scene, preset)
-                    .into_iter()
-                    .map(psnr_by_view)
-                    .collect();
+                let runs = results.of(scene, preset);
+                let psnr: Vec<Vec<f64>> = runs.iter().map(|run| psnr_by_view(run)).collect();
+                let seconds = Figure::of(runs.iter().map(|run| to_model(run)));
                 for (label, values) in &predictors {
                     let [whole, partial] = correlations(values, &psnr, angles);
                     table.row([
@@ -71,6 +71,7 @@ impl Study for Potential {
                         (*label).into(),
                         whole.into(),
                         partial.into(),
+                        seconds.into(),
                     ]);
                 }
                 for i in [0, 3] {
@@ -167,6 +168,7 @@ fn maps(scene: &str, setting: &Setting, run: &Finished) -> Result<Vec<Picture>> 
         let map = SphereMap {
             title: format!("{scene}: {name}"),
             color_label: name.to_owned(),
+            range: None,
             value,
             compass,
             marks: marks.clone(),

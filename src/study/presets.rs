@@ -2,8 +2,9 @@
 
 use super::plan::{Base, Variant};
 use super::quality::{
-    COVERED, LPIPS, PSNR, SCENE, SSIM, covered_psnr, gain, peak, quality, scenes,
+    COVERED, LPIPS, PSNR, SCENE, SSIM, TO_MODEL, covered_psnr, gain, peak, quality, scenes,
 };
+use super::renders::Method;
 use super::runs::{Finished, Results, Scope};
 use super::table::{Column, DataTable};
 use super::{Picture, Report, Study, file_name};
@@ -27,12 +28,13 @@ const PRESETS: [&str; 7] = [
 /// Points of a curve, the start aside.
 const N_CURVE: u32 = 10;
 
-const COLUMNS: [Column; 12] = [
+const COLUMNS: [Column; 13] = [
     SCENE,
     Column::text("preset", "preset"),
     PSNR,
     SSIM,
     LPIPS,
+    TO_MODEL,
     COVERED,
     Column::text("gain", "over 3dgs, dB"),
     Column::figure("best_psnr", "best PSNR dB", 2),
@@ -60,6 +62,12 @@ impl Study for Presets {
             },
         });
         Ok(with_curve.collect())
+    }
+
+    fn methods(&self, _results: &Results) -> Vec<Method> {
+        PRESETS
+            .map(|preset| (preset.to_owned(), variant(preset)))
+            .to_vec()
     }
 
     fn report(&self, results: &Results) -> Result<Report> {

@@ -1,4 +1,4 @@
-//! The columns that most studies share: PSNR, SSIM, LPIPS and what a change gains.
+//! The columns that most studies share: PSNR, SSIM, LPIPS, seconds and what a change gains.
 
 use super::runs::{Finished, Results, Scope};
 use super::table::{Cell, Column};
@@ -9,6 +9,8 @@ pub const SCENE: Column = Column::text("scene", "scene");
 pub const PSNR: Column = Column::figure("psnr", "PSNR dB", 2);
 pub const SSIM: Column = Column::figure("ssim", "SSIM", 3);
 pub const LPIPS: Column = Column::figure("lpips", "LPIPS", 3);
+/// From loading the scene to the written model.
+pub const TO_MODEL: Column = Column::figure("to_model_s", "end to end s", 1);
 pub const COVERED: Column = Column::figure("psnr_covered", "covered PSNR dB", 2);
 
 /// dB.
@@ -29,6 +31,11 @@ pub fn lpips(run: &Finished) -> Option<f64> {
     run.evaluation.mean.lpips
 }
 
+/// Seconds from loading the scene to the written model, without any evaluation.
+pub fn to_model(run: &Finished) -> Option<f64> {
+    run.metrics.seconds.to_model()
+}
+
 /// Iteration and PSNR of a curve's highest point.
 pub fn peak(run: &Finished) -> Option<(f64, f64)> {
     let points = run.metrics.curve.iter();
@@ -36,12 +43,13 @@ pub fn peak(run: &Finished) -> Option<(f64, f64)> {
     points.reduce(|a, b| if b.1 > a.1 { b } else { a })
 }
 
-/// Cells under [`PSNR`], [`SSIM`] and [`LPIPS`].
-pub fn quality(scope: &Scope, variant: &str) -> [Cell; 3] {
+/// Cells under [`PSNR`], [`SSIM`], [`LPIPS`] and [`TO_MODEL`].
+pub fn quality(scope: &Scope, variant: &str) -> [Cell; 4] {
     [
         scope.figure(variant, psnr).into(),
         scope.figure(variant, ssim).into(),
         scope.figure(variant, lpips).into(),
+        scope.figure(variant, to_model).into(),
     ]
 }
 

@@ -1,7 +1,8 @@
 //! Ways to choose the virtual views (Table 4).
 
 use super::plan::{Base, Variant};
-use super::quality::{LPIPS, PSNR, SCENE, SSIM, gain, psnr_at, quality, scenes};
+use super::quality::{LPIPS, PSNR, SCENE, SSIM, TO_MODEL, gain, psnr_at, quality, scenes};
+use super::renders::Method;
 use super::runs::Results;
 use super::table::{Column, DataTable};
 use super::{Picture, Report, Study};
@@ -57,6 +58,12 @@ impl Study for Sampling {
         STRATEGIES.into_iter().map(variant).collect()
     }
 
+    fn methods(&self, _results: &Results) -> Vec<Method> {
+        STRATEGIES
+            .map(|(name, _, label)| (label.to_owned(), name.to_owned()))
+            .to_vec()
+    }
+
     fn report(&self, results: &Results) -> Result<Report> {
         let columns = [
             SCENE,
@@ -64,6 +71,7 @@ impl Study for Sampling {
             PSNR,
             SSIM,
             LPIPS,
+            TO_MODEL,
             Column::text("difference", "against the field, dB"),
         ];
         let mut table = DataTable::new("sampling", &columns);

@@ -5,9 +5,9 @@ use glam::DVec3;
 use super::runs::Finished;
 use crate::camera::{Camera, Frame};
 use crate::config::FieldConfig;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::eval::{self, EvalOptions};
-use crate::field::{Field, Focus, angle};
+use crate::field::{Field, Focus};
 use crate::gaussians::ply::read_ply;
 use crate::gpu::Gpu;
 use crate::pipeline::{TrainJob, focus_of};
@@ -19,7 +19,8 @@ use crate::scene::builtin::{self, surface_distance};
 use crate::scene::{Scene, SceneSource, View};
 use crate::views::candidates;
 
-/// Directions tried on the sphere; those below the floor or in an object fall out.
+/// Directions tried on the sphere for a rank correlation; those below the floor or in an object
+/// fall out.
 const N_DIRECTIONS: usize = 400;
 
 /// Free space that a viewpoint needs around it, in `R`.
@@ -62,22 +63,20 @@ impl Setting {
 
     /// Angle to the nearest training camera, degrees.
     pub fn nearest_deg(&self, direction: DVec3) -> f64 {
-        let cameras = self.field.directions.iter();
-        let nearest = cameras.map(|v| angle(direction, *v));
-        nearest.fold(f64::INFINITY, f64::min).to_degrees()
+        self.field.u_conf(direction).to_degrees()
     }
 
-    /// Views all over the sphere where the truth is at hand, as it is for the built-in scene; the
-    /// test views elsewhere.
+    /// Views all over the sphere, of `n` directions those outside objects and above the floor,
+    /// where the truth is at hand, as it is for the built-in scene; the test views elsewhere.
     ///
     /// # Errors
     /// No training camera to take the intrinsics from.
-    pub fn viewpoints(&self) -> Result<Vec<View>> {
+    pub fn viewpoints(&self, n: usize) -> Result<Vec<View>> {
         if let SceneSource::Folder(_) = self.job.source {
             return Ok(self.scene.test.clone());
         }
         let mut config = self.job.config.clone();
-        config.field.n_candidates = N_DIRECTIONS;
+        config.field.n_candidates = n;
         let train = cameras(&self.scene.train);
         let placed = candidates(&train, &self.focus, &self.field, &config)?;
         let cameras = placed.into_iter().map(|view| view.camera);
@@ -91,6 +90,65 @@ impl Setting {
             })
             .collect())
     }
+}
+
+/// What a variant renders around a scene.
+pub struct Survey {
+    pub setting: Setting,
+    /// Of the viewpoints, from the focus.
+    pub directions: Vec<DVec3>,
+    /// To the nearest training camera, degrees.
+    pub angles: Vec<f64>,
+    /// dB at the viewpoints, of every seed.
+    pub psnr: Vec<Vec<f64>>,
+}
+
+impl Survey {
+    /// Measures the seeds of a variant, at least one.
+    ///
+    /// # Errors
+    /// What loading the scene refuses, or a GPU fault.
+    pub fn of(gpu: &Gpu, runs: &[&Finished]) -> Result<Survey> {
+        let Some(first) = runs.first() else {
+            return Err(Error::new("there is no run to measure"));
+        };
+        let setting = Setting::of(first)?;
+        let views = setting.viewpoints(N_DIRECTIONS)?;
+        let directions = views.iter().map(|v| setting.direction(&v.camera));
+        let directions: Vec<DVec3> = directions.collect();
+        let angles = directions.iter().map(|d| setting.nearest_deg(*d)).collect();
+        Ok(Survey {
+            angles,
+            psnr: psnr_at(gpu, runs, &setting.frame, &views)?,
+            directions,
+            setting,
+        })
+    }
+
+    /// Of a predictor: its rank correlation with PSNR, whole and at equal angle.
+    pub fn correlations(&self, predictor: &[f64]) -> [Option<Figure>; 2] {
+        correlations(predictor, &self.psnr, &self.angles)
+    }
+}
+
+/// PSNR of every run at `views`, dB.
+///
+/// # Errors
+/// A GPU fault, or a view that the adapter cannot hold.
+pub fn psnr_at(
+    gpu: &Gpu,
+    runs: &[&Finished],
+    frame: &Frame,
+    views: &[View],
+) -> Result<Vec<Vec<f64>>> {
+    let of_run = |run: &&Finished| {
+        let scores = measure(gpu, run, frame, views, &EvalOptions::default())?.views;
+        Ok(scores
+            .iter()
+            .map(|v| v.psnr.unwrap_or(f64::INFINITY))
+            .collect())
+    };
+    runs.iter().map(of_run).collect()
 }
 
 pub fn cameras(views: &[View]) -> Vec<Camera> {

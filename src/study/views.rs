@@ -1,7 +1,7 @@
 //! Few and more training views (Table 5).
 
 use super::plan::{Base, Variant};
-use super::quality::{LPIPS, PSNR, SCENE, SSIM, gain, psnr_at, quality, scenes};
+use super::quality::{LPIPS, PSNR, SCENE, SSIM, TO_MODEL, gain, psnr_at, quality, scenes};
 use super::runs::Results;
 use super::table::{Column, DataTable};
 use super::{Picture, Report, Study};
@@ -71,6 +71,7 @@ impl Study for Views {
             PSNR,
             SSIM,
             LPIPS,
+            TO_MODEL,
             Column::text("gain", "over 3dgs, dB"),
         ];
         let mut table = DataTable::new("views", &columns);

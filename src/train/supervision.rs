@@ -64,7 +64,7 @@ pub struct Supervision {
     /// Decides coverage-aware pruning and densification.
     pub coverage: Coverage,
     /// 3DGS's camera extent in the canonical frame: 1.1 times the greatest distance of a training
-    /// camera from their mean.
+    /// camera from their mean. Cameras in one place have 1.1, as if they stood around the sphere.
     pub extent: f64,
     /// Near plane, canonical.
     pub near: f64,

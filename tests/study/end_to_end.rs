@@ -5,6 +5,9 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use gspotential::field::Focus;
+use gspotential::report::read_png;
+use gspotential::scene::builtin::{self, BuiltinOptions};
 use serde_json::Value;
 
 use crate::metrics::lpips_reference::{ALEX, generated};
@@ -81,6 +84,10 @@ fn every_study_reports_in_text_numbers_and_pictures_and_trains_nothing_twice() {
         ("views", 10, 10),
         ("cloud", 8, 6 + 8),
         ("kernel", 4, 0),
+        // One camera; all are there.
+        ("pilot", 2, 1),
+        // 5 lambdas, of which the method has one.
+        ("parameters", 5, 4),
         // 4 predictors of 3 presets, of which the default one is new.
         ("potential", 12, 1),
         // Those three are there; the base, 6 with, 6 without, 3 set aside.
@@ -129,6 +136,10 @@ fn every_study_reports_in_text_numbers_and_pictures_and_trains_nothing_twice() {
         assert!(!pictures.is_empty(), "{name}");
         for picture in pictures {
             let file = picture.split(['(', ')']).nth(1).expect("a link");
+            if file == format!("{name}-renders.png") {
+                read_png(&out.join(file)).expect("a picture");
+                continue;
+            }
             let svg = fs::read_to_string(out.join(file)).unwrap();
             assert!(
                 svg.starts_with("<svg") && svg.contains("<circle"),
@@ -136,6 +147,13 @@ fn every_study_reports_in_text_numbers_and_pictures_and_trains_nothing_twice() {
             );
         }
 
+        let of_methods = ["ablation", "sampling", "presets", "parameters"];
+        assert_eq!(
+            report.contains(&format!("![renders]({name}-renders.png)")),
+            of_methods.contains(&name),
+            "{name}"
+        );
+        check_seconds(&out, &data["tables"][0]);
         let before = files(folder.path());
         let (_, log) = succeeds(folder.path(), &args);
         assert!(!log.contains("adapter: "), "{name} trains again: {log}");
@@ -147,6 +165,96 @@ fn every_study_reports_in_text_numbers_and_pictures_and_trains_nothing_twice() {
         json(&folder.path().join(run).join("config.json"))["preset"],
         "ablation-info"
     );
+}
+
+/// Every row has the time of one of the runs, from loading to the written model.
+fn check_seconds(out: &Path, table: &Value) {
+    let runs = fs::read_dir(out.join("runs")).expect("runs");
+    let of_run = |run: fs::DirEntry| {
+        let seconds = json(&run.path().join("metrics.json"))["seconds"].clone();
+        let stages = [
+            "load",
+            "field",
+            "carve",
+            "sample",
+            "splat",
+            "gaussians",
+            "files",
+            "compile",
+            "upload",
+            "train",
+            "write",
+        ];
+        stages
+            .iter()
+            .filter_map(|stage| seconds[stage].as_f64())
+            .sum::<f64>()
+    };
+    let times: Vec<f64> = runs.map(|run| of_run(run.expect("a run"))).collect();
+    for row in table["rows"].as_array().expect("rows") {
+        let time = row["to_model_s"]["mean"].as_f64().expect("seconds");
+        assert!(times.iter().any(|t| (t - time).abs() < 1e-9), "{row}");
+    }
+}
+
+/// Another derivation of the pilot's tables: which cameras are neighbours and how far apart.
+#[test]
+fn the_pilot_counts_every_viewpoint_once_and_pairs_neighbours() {
+    let folder = tempfile::tempdir().unwrap();
+    let (report, log) = succeeds(folder.path(), &format!("pilot {TINY} --seeds 0"));
+    assert!(log.contains("stand in one place"), "{log}");
+    assert!(
+        report.contains("peaks: ") && report.contains("Valleys: "),
+        "{report}"
+    );
+    let data = json(&folder.path().join("studies/pilot.json"));
+    let rows = |i: usize| data["tables"][i]["rows"].as_array().expect("rows").clone();
+    let total = |key: &str| -> f64 {
+        let counts = rows(1)
+            .iter()
+            .map(|row| row[key]["mean"].as_f64().expect("a count"))
+            .sum();
+        counts
+    };
+    assert!(total("n_one") > 400.0 && total("n_one") == total("n_all"));
+    // With four cameras on a ring nothing is as far from the nearest as with one.
+    let far = &rows(1)[6];
+    assert!(
+        far["n_one"]["mean"].as_f64() > Some(0.0) && far["psnr_all"].is_null(),
+        "{far}"
+    );
+    let scene = builtin::scene(&BuiltinOptions {
+        width: 32,
+        n_test: 6,
+        ..Default::default()
+    });
+    let cameras: Vec<_> = scene.train.iter().map(|view| view.camera.clone()).collect();
+    let focus = Focus::find(&cameras, &scene.cloud).expect("a focus").center;
+    let towards = |i: usize| (cameras[i].center() - focus).normalize();
+    // The ring in order of azimuth.
+    let pairs = [(0, 1), (0, 3), (1, 2), (2, 3)];
+    assert_eq!(rows(2).len(), pairs.len());
+    for (row, (i, j)) in rows(2).iter().zip(pairs) {
+        assert_eq!(row["pair"], format!("train_0{i}.png, train_0{j}.png"));
+        let gap = towards(i).dot(towards(j)).acos().to_degrees();
+        assert!(
+            (row["gap"]["mean"].as_f64().expect("degrees") - gap).abs() < 1e-6,
+            "{row}"
+        );
+    }
+    // One camera learns nothing where the light of its images does not reach: both maps are there
+    // and their colours end alike.
+    let bar = |which: &str| {
+        let name = format!("studies/pilot-builtin-{which}.svg");
+        let svg = fs::read_to_string(folder.path().join(name)).expect("a map");
+        let texts = svg.split("<text").filter(|text| text.contains("x=\"8"));
+        let texts: Vec<String> = texts
+            .filter_map(|t| Some(t.split_once('>')?.1.to_owned()))
+            .collect();
+        texts
+    };
+    assert!(!bar("1-camera").is_empty());
+    assert_eq!(bar("1-camera"), bar("all-cameras"));
 }
 
 #[test]
@@ -314,7 +422,9 @@ fn slips_on_the_command_line_are_told_before_anything_is_written() {
         "cloud",
         "sampling",
         "views",
+        "pilot",
         "kernel",
+        "parameters",
         "potential",
         "need",
     ] {

@@ -1,5 +1,6 @@
 //! A flat map of values over the sphere, with marked directions.
 
+use std::ops::Range;
 use std::path::Path;
 
 use glam::DVec3;
@@ -33,8 +34,11 @@ pub struct SphereMap<'a> {
     pub title: String,
     /// What the colours say, with its unit.
     pub color_label: String,
-    /// Value in a unit direction.
+    /// Value in a unit direction; what is not finite is left blank.
     pub value: &'a dyn Fn(DVec3) -> f64,
+    /// Least and greatest of the colours, for maps that are looked at together; otherwise those of
+    /// the values.
+    pub range: Option<Range<f64>>,
     /// Up is at the top of the map, the front in its middle.
     pub compass: Compass,
     pub marks: Vec<MapMark>,
@@ -48,9 +52,10 @@ impl SphereMap<'_> {
     pub fn to_svg(&self) -> Result<String> {
         let grid = self.compass.grid(N_LONGITUDES as usize / 2);
         let cells: Vec<f64> = grid.into_iter().map(self.value).collect();
-        let Some(scale) = ColorScale::over(cells.iter().copied()) else {
+        let Some(own) = ColorScale::over(cells.iter().copied()) else {
             return Err(Error::new("the map has no finite value").at(&self.title));
         };
+        let scale = self.range.clone().map_or(own, ColorScale);
         let mut svg = String::new();
         self.draw(&mut svg, &cells, &scale)
             .map_err(|e| Error::new(format!("cannot draw: {e}")).at(&self.title))?;
@@ -78,7 +83,11 @@ impl SphereMap<'_> {
         root.fill(&WHITE)?;
         root.draw(&Text::new(self.title.clone(), (left, 12), (FONT, 22)))?;
         for (row, values) in cells.chunks(N_LONGITUDES as usize).enumerate() {
-            let colors: Vec<RGBColor> = values.iter().map(|v| scale.color(*v)).collect();
+            let color = |value: &f64| match value.is_finite() {
+                true => scale.color(*value),
+                false => WHITE,
+            };
+            let colors: Vec<RGBColor> = values.iter().map(color).collect();
             let mut x = left;
             for same in colors.chunk_by(|a, b| a == b) {
                 // One pixel more to the right and below, which the next ones cover: edges that
