@@ -16,7 +16,7 @@ fn cameras_json_round_trip_keeps_the_cameras() {
         name: "left/00.jpg".into(),
         ..camera(DVec3::ZERO, DVec3::Y)
     });
-    write_cameras(&path, &cameras).unwrap();
+    write_cameras(&path, &cameras, DVec3::ZERO).unwrap();
     let back = read_cameras(&path).unwrap();
     assert_eq!(back.len(), cameras.len());
     for (a, b) in back.iter().zip(&cameras) {
@@ -34,7 +34,7 @@ fn cameras_json_holds_centre_and_transposed_rotation() {
     let (_folder, path) = scratch("cameras.json");
     let eye = dvec3(3.0, -1.0, 2.0);
     let target = dvec3(0.5, 0.25, 0.0);
-    write_cameras(&path, &[camera(eye, target)]).unwrap();
+    write_cameras(&path, &[camera(eye, target)], DVec3::ZERO).unwrap();
     let json: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
     let number = |v: &serde_json::Value| v.as_f64().unwrap();
     let forward = (target - eye).normalize();
@@ -71,7 +71,7 @@ fn rotations_of_few_digits_become_orthonormal() {
 #[test]
 fn bad_cameras_json_names_file_and_entry() {
     let (_folder, path) = scratch("cameras.json");
-    write_cameras(&path, &ring(3, DVec3::ZERO)).unwrap();
+    write_cameras(&path, &ring(3, DVec3::ZERO), DVec3::ZERO).unwrap();
     let good: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
     let error = |text: &str| {
         std::fs::write(&path, text).unwrap();

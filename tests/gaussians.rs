@@ -198,12 +198,12 @@ fn what_cannot_become_gaussians_is_an_error() {
 #[test]
 fn gaussians_that_cannot_be_drawn_are_counted() {
     let mut gaussians = distinct(6, 0);
-    assert_eq!(gaussians.n_not_finite(), 0);
+    assert_eq!(gaussians.n_broken(), 0);
     gaussians.means[0].y = f32::NAN;
     gaussians.scales_log[1].z = f32::INFINITY;
     gaussians.rotations_wxyz[2][3] = f32::NEG_INFINITY;
     gaussians.opacity_logits[3] = f32::NAN;
-    assert_eq!(gaussians.n_not_finite(), 4);
+    assert_eq!(gaussians.n_broken(), 4);
 }
 
 #[test]
@@ -260,7 +260,7 @@ fn splat_files_hold_what_is_drawn_heaviest_first() {
     };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.splat");
-    assert_eq!(write_splat(&path, &gaussians).unwrap(), 2);
+    assert_eq!(write_splat(&path, &gaussians, &mut Vec::new()).unwrap(), 2);
     let bytes = std::fs::read(&path).unwrap();
     assert_eq!(bytes.len(), 64);
     let floats = |at: usize| -> Vec<f32> {
@@ -292,7 +292,7 @@ fn spz_files_hold_the_scene_within_a_step_of_each_value() {
         // Coefficients reach from -1 to 1.
         gaussians.sh.iter_mut().for_each(|c| *c *= 0.3);
         gaussians.opacity_logits[7] = -20.0;
-        assert_eq!(write_spz(&path, &gaussians).unwrap(), 39);
+        assert_eq!(write_spz(&path, &gaussians, &mut Vec::new()).unwrap(), 39);
         let read = spz_rs::load_packed_gaussians_from_file(&name).unwrap();
         assert_eq!((read.num_points, read.sh_degree), (39, sh_degree as usize));
         for (k, i) in gaussians.heaviest(40).into_iter().enumerate() {
@@ -349,7 +349,7 @@ fn a_spz_file_reaches_as_far_as_its_numbers_and_no_farther() {
     // Red of the first coefficient of degree 1, whose sign changes: beyond what 32 bits count.
     gaussians.sh[3] = -1e30;
     gaussians.means[1] = Vec3::new(0.0, -8_000_000.0, 5.0);
-    assert_eq!(write_spz(&path, &gaussians).unwrap(), 3);
+    assert_eq!(write_spz(&path, &gaussians, &mut Vec::new()).unwrap(), 3);
     let read = spz_rs::load_packed_gaussians_from_file(&path.to_str().unwrap().to_owned()).unwrap();
     let farthest = (0..3)
         .map(|k| read.unpack(k).position[1])
@@ -358,7 +358,9 @@ fn a_spz_file_reaches_as_far_as_its_numbers_and_no_farther() {
     let reds = (0..3).map(|k| read.unpack(k).sh_r[0]);
     assert_eq!(reds.fold(0.0, f32::max), 127.0 / 128.0);
     gaussians.means[1].y = -9_000_000.0;
-    let error = write_spz(&path, &gaussians).unwrap_err().to_string();
+    let error = write_spz(&path, &gaussians, &mut Vec::new())
+        .unwrap_err()
+        .to_string();
     assert!(
         error.contains("9000000") && error.contains("scene.spz"),
         "{error}"

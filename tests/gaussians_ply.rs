@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::{Vec3, dvec3};
+use glam::{DVec3, Vec3, dvec3};
 use gspotential::camera::Frame;
 use gspotential::camera::json::read_cameras;
 use gspotential::gaussians::Gaussians;
@@ -39,7 +39,7 @@ fn ply_round_trip_is_bit_exact_for_every_degree() {
             let gaussians = distinct(n, sh_degree);
             write_ply(&path, &gaussians, &Frame::IDENTITY).unwrap();
             assert!(
-                read_ply(&path).unwrap() == gaussians,
+                read_ply(&path).unwrap().gaussians == gaussians,
                 "degree {sh_degree}, {n}"
             );
         }
@@ -89,7 +89,7 @@ fn ply_is_written_in_the_scenes_own_frame() {
     };
     let gaussians = distinct(20, 0);
     write_ply(&path, &gaussians, &frame).unwrap();
-    let world = read_ply(&path).unwrap();
+    let world = read_ply(&path).unwrap().gaussians;
     for (mean, canonical) in world.means.iter().zip(&gaussians.means) {
         let expected = canonical.as_dvec3() * 4.0 + frame.center;
         assert!(mean.as_dvec3().distance(expected) < 1e-5);
@@ -128,7 +128,7 @@ fn ply_properties_may_come_in_any_order_beside_others() {
     }
     bytes.push(0);
     std::fs::write(&path, bytes).unwrap();
-    let gaussians = read_ply(&path).unwrap();
+    let gaussians = read_ply(&path).unwrap().gaussians;
     assert_eq!(gaussians.rotations_wxyz, [[4.0, 3.0, 2.0, 1.0]]);
     assert_eq!(gaussians.means, [Vec3::new(7.0, 6.0, 5.0)]);
     assert_eq!(gaussians.scales_log, [Vec3::new(10.0, 9.0, 8.0)]);
@@ -267,7 +267,9 @@ fn reference_files_read_as_their_readme_says() {
         ("huge", 1, 2),
         ("near", 300, 3),
     ] {
-        let gaussians = read_ply(&folder.join(case).join("gaussians.ply")).unwrap();
+        let gaussians = read_ply(&folder.join(case).join("gaussians.ply"))
+            .unwrap()
+            .gaussians;
         assert_eq!((gaussians.len(), gaussians.sh_degree), (n, 3), "{case}");
         // Rows are 62 floats from the end of the file; compare the last one.
         let bytes = std::fs::read(folder.join(case).join("gaussians.ply")).unwrap();
@@ -308,4 +310,39 @@ fn reference_files_read_as_their_readme_says() {
             }
         }
     }
+}
+
+#[test]
+fn far_from_the_origin_an_offset_is_taken_out_and_told() {
+    let (_folder, path) = scratch("point_cloud.ply");
+    let gaussians = distinct(20, 0);
+    let frame = Frame {
+        center: dvec3(500_001.25, 4_500_000.5, 120.0),
+        radius: 4.0,
+    };
+    write_ply(&path, &gaussians, &frame).unwrap();
+    let stored = read_ply(&path).unwrap();
+    assert_eq!(stored.offset, dvec3(500_001.0, 4_500_001.0, 120.0));
+    let header = String::from_utf8_lossy(&std::fs::read(&path).unwrap()[..120]).into_owned();
+    assert!(
+        header.contains("\ncomment offset 500001 4500001 120\n"),
+        "{header}"
+    );
+    let worst = |offset| {
+        let mut stored = stored.clone();
+        stored.offset += offset;
+        let back = stored.to_canonical(&frame).means;
+        let pairs = back.iter().zip(&gaussians.means);
+        pairs.map(|(a, b)| a.distance(*b)).fold(0.0, f32::max)
+    };
+    assert!(worst(DVec3::ZERO) < 1e-6, "{}", worst(DVec3::ZERO));
+    assert!(worst(DVec3::X) > 0.2);
+    // A scene near its origin has none.
+    let near = Frame {
+        center: dvec3(100.0, -50.0, 2.5),
+        ..frame
+    };
+    write_ply(&path, &gaussians, &near).unwrap();
+    assert_eq!(read_ply(&path).unwrap().offset, DVec3::ZERO);
+    assert!(!String::from_utf8_lossy(&std::fs::read(&path).unwrap()[..120]).contains("comment"));
 }

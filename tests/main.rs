@@ -1,5 +1,6 @@
 //! The one test binary.
 
+mod agreement;
 mod align;
 mod architecture;
 mod builtin;

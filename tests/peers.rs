@@ -29,7 +29,7 @@ fn presets_of_other_systems_train_on_the_built_in_scene() {
             .unwrap_or_else(|e| panic!("{name}: {e}"));
         let l1 = |k: usize| trained.samples[k].real.l1;
         assert!(l1(3) < l1(0), "{name}: {} {}", l1(0), l1(3));
-        assert_eq!(trained.gaussians.n_not_finite(), 0);
+        assert_eq!(trained.gaussians.n_broken(), 0);
         let moved = trained.cameras.iter().zip(&supervision.real);
         let moved = moved.filter(|(after, view)| **after != view.camera).count();
         let n_moved = if name == "instantsplat" { 4 } else { 0 };

@@ -21,6 +21,9 @@ struct Entry {
     height: u32,
     /// Optical centre in the world, `-R^T t`.
     position: [f64; 3],
+    /// What is to be added to the position: the PLY beside it is stored without it, too.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    offset: Option<[f64; 3]>,
     /// Rows of the camera-to-world rotation, `R^T`.
     rotation: [[f64; 3]; 3],
     fx: f64,
@@ -30,11 +33,12 @@ struct Entry {
     cy: Option<f64>,
 }
 
-/// Writes cameras in the world frame.
+/// Writes cameras in the world frame, `offset` taken out of their positions as of those of the
+/// Gaussians beside them ([`crate::camera::Frame::offset`]) and noted where it is not zero.
 ///
 /// # Errors
 /// What keeps the file from being written.
-pub fn write_cameras(path: &Path, cameras: &[Camera]) -> Result<()> {
+pub fn write_cameras(path: &Path, cameras: &[Camera], offset: DVec3) -> Result<()> {
     let entries: Vec<Entry> = cameras
         .iter()
         .zip(0..)
@@ -43,7 +47,8 @@ pub fn write_cameras(path: &Path, cameras: &[Camera]) -> Result<()> {
             img_name: camera.name.clone(),
             width: camera.width,
             height: camera.height,
-            position: camera.center().to_array(),
+            position: (camera.center() - offset).to_array(),
+            offset: (offset != DVec3::ZERO).then(|| offset.to_array()),
             // Columns of R are rows of R^T.
             rotation: camera.rotation.to_cols_array_2d(),
             fx: camera.fx,
@@ -112,7 +117,8 @@ impl Entry {
                      right-handed",
                 )
             })?;
-        let translation = -(rotation * DVec3::from_array(self.position));
+        let offset = self.offset.map_or(DVec3::ZERO, DVec3::from_array);
+        let translation = -(rotation * (DVec3::from_array(self.position) + offset));
         if !translation.is_finite() {
             return Err(Error::new("`position` is too large"));
         }

@@ -191,6 +191,9 @@ pub struct Frame {
     pub extent: f64,
 }
 
+/// Share of the radius that stored positions may be off by.
+const MAX_ROUNDING: f64 = 1e-5;
+
 impl Frame {
     pub const IDENTITY: Frame = Frame {
         center: DVec3::ZERO,
@@ -210,6 +213,25 @@ impl Frame {
 
     pub fn to_world(&self, p: DVec3) -> DVec3 {
         p * self.radius + self.center
+    }
+
+    /// What is taken out of positions before they are stored in f32: zero, and so nothing, where a
+    /// scene lies near its origin; far from it (UTM coordinates, say) the centre, in round numbers.
+    ///
+    /// It is needed where f32 rounds positions about the centre by more than 1e-5 of the radius: pixels
+    /// are about a thousandth of it, and Gaussians smaller.
+    pub fn offset(&self) -> DVec3 {
+        let rounding = self.center.abs().max_element() * f64::from(f32::EPSILON) / 2.0;
+        if rounding <= MAX_ROUNDING * self.radius {
+            return DVec3::ZERO;
+        }
+        let step = 10_f64.powf(self.radius.log10().floor());
+        if step >= 1.0 {
+            return (self.center / step).round() * step;
+        }
+        // A whole number of steps divided by their number in a unit has the shortest decimals.
+        let n = (1.0 / step).round();
+        (self.center * n).round() / n
     }
 
     /// The camera seen from the canonical frame; its image is the same.

@@ -1,6 +1,7 @@
 //! What `train --dry-run` prints.
 
 use crate::pipeline::DryRun;
+use crate::report::agreement_table;
 use crate::terminal::Table;
 use crate::terminal::progress::short_time;
 
@@ -28,8 +29,9 @@ pub fn text(dry: &DryRun) -> String {
     let iterations = format!("{} iterations", dry.n_iterations);
     row(&iterations, short_time(all));
     format!(
-        "{table}\nMeasured over the first iterations; time and memory grow with the Gaussians and with the \
+        "{table}\n{}\nMeasured over the first iterations; time and memory grow with the Gaussians and with the \
          degree of their colours.\n\nPredicted for training:\n\n{}",
+        agreement_table(&dry.agreement),
         dry.memory.tables()
     )
 }

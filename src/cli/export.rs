@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use glam::DVec3;
 
 use crate::error::{Error, Result};
-use crate::gaussians::ply::read_ply;
+use crate::gaussians::ply::{Stored, read_ply};
 use crate::gaussians::splat::write_splat;
 use crate::gaussians::spz::write_spz;
 use crate::run::RunDir;
@@ -48,8 +49,28 @@ impl ExportArgs {
         } else {
             self.model
         };
-        let gaussians = read_ply(&model)?;
-        let n = write(&self.out, &gaussians)?;
+        let Stored { gaussians, offset } = read_ply(&model)?;
+        if gaussians.heaviest(1).is_empty() {
+            return Err(Error::new(format!(
+                "none of the {} Gaussians is ever drawn, so there is nothing to export",
+                gaussians.len()
+            ))
+            .at_path(&model)
+            .way_out("train the scene again, or name another model"));
+        }
+        let mut warnings = Vec::new();
+        let n = write(&self.out, &gaussians, &mut warnings)?;
+        for warning in &warnings {
+            log::warn!("{}: {warning}", self.out.display());
+        }
+        if offset != DVec3::ZERO {
+            log::warn!(
+                "positions are without the model's offset {} {} {}, which the format has no place for",
+                offset.x,
+                offset.y,
+                offset.z
+            );
+        }
         log::info!("wrote {n} Gaussians to {}", self.out.display());
         if n < gaussians.len() {
             log::info!("{} others are never drawn", gaussians.len() - n);

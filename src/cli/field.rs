@@ -8,6 +8,7 @@ use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
 use crate::files::{create_dir, write_file};
 use crate::pipeline::{self, FieldReport};
+use crate::report::agreement_table;
 use crate::scene::{LoadOptions, SceneSource};
 use crate::terminal::Table;
 
@@ -64,8 +65,11 @@ impl FieldArgs {
                 ..LoadOptions::new(&config)
             },
         )?;
+        for warning in &scene.warnings {
+            log::warn!("{warning}");
+        }
         let maps = pipeline::field(&scene, &config)?;
-        for warning in scene.warnings.iter().chain(&maps.warnings) {
+        for warning in &maps.warnings {
             log::warn!("{warning}");
         }
         if let Some(out) = &self.out {
@@ -125,10 +129,11 @@ fn text(report: &FieldReport) -> String {
             .to_owned(),
     };
     format!(
-        "### {}\n\n{table}\n\
+        "### {}\n\n{table}\n{}\n\
          At elevations from {:.0} to {:.0} degrees, {} is uncovered on average. The largest hole is at \
          azimuth {:.0}, elevation {:.0} ({} uncovered, {:.0} degrees from `{}`).\n\n{}\n",
         report.scene.escape_debug(),
+        agreement_table(&report.agreement),
         gaps.elevations[0],
         gaps.elevations[1],
         percent(gaps.mean),

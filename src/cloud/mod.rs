@@ -1,6 +1,8 @@
 //! The point cloud against the photographs: drawn into cameras ([`splat`]), cleared of points that
-//! they contradict ([`carve`]), and asked which of its points they see ([`visibility`]).
+//! they contradict ([`carve`]), asked whether it belongs to them ([`agreement`]) and which of its
+//! points they see ([`visibility`]).
 
+pub mod agreement;
 pub mod carve;
 pub mod splat;
 pub mod visibility;

@@ -58,16 +58,23 @@ impl Gaussians {
         self.means.is_empty()
     }
 
-    /// Number of Gaussians with a mean, scale, rotation or opacity that is NaN or infinite; none of
-    /// them is ever drawn.
-    pub fn n_not_finite(&self) -> usize {
-        let is_finite = |i: &usize| {
-            self.means[*i].is_finite()
-                && self.scales_log[*i].is_finite()
-                && self.rotations_wxyz[*i].iter().all(|q| q.is_finite())
-                && !self.opacity_logits[*i].is_nan()
-        };
-        (0..self.len()).filter(|i| !is_finite(i)).count()
+    /// Whether any view can show a Gaussian at all: its values are finite, but for a scale of nothing,
+    /// with which it is flat as those of 2DGS are, and an opacity of 1; and it has a rotation.
+    fn is_whole(&self, i: usize) -> bool {
+        let n_sh = 3 * self.n_sh();
+        self.means[i].is_finite()
+            && self.scales_log[i]
+                .to_array()
+                .iter()
+                .all(|s| *s < f32::INFINITY)
+            && self.rotation(i).is_some()
+            && !self.opacity_logits[i].is_nan()
+            && self.sh[i * n_sh..][..n_sh].iter().all(|c| c.is_finite())
+    }
+
+    /// Number of Gaussians that no view can show, whatever their opacity.
+    pub fn n_broken(&self) -> usize {
+        (0..self.len()).filter(|i| !self.is_whole(*i)).count()
     }
 
     /// Opacity in [0, 1].
@@ -93,15 +100,11 @@ impl Gaussians {
     /// equal ones in order. Weight is opacity times the area of the largest section: about what a
     /// Gaussian covers in an image.
     pub fn heaviest(&self, limit: usize) -> Vec<usize> {
-        let is_drawn = |i: &usize| {
-            self.means[*i].is_finite()
-                && self.scales_log[*i].is_finite()
-                && self.rotation(*i).is_some()
-                && self.opacity(*i) >= MIN_OPACITY
-        };
+        let is_drawn = |i: &usize| self.is_whole(*i) && self.opacity(*i) >= MIN_OPACITY;
         let weight = |i: usize| {
-            let s = self.scales_log[i];
-            self.opacity(i).ln() + s.element_sum() - s.min_element()
+            let mut s = self.scales_log[i].to_array();
+            s.sort_unstable_by(f32::total_cmp);
+            self.opacity(i).ln() + s[1] + s[2]
         };
         let mut chosen: Vec<usize> = (0..self.len()).filter(is_drawn).collect();
         chosen.sort_by(|a, b| weight(*b).total_cmp(&weight(*a)));

@@ -4,6 +4,9 @@
 //! `x y z nx ny nz f_dc_0..2 f_rest_0..(3 (K - 1) - 1) opacity scale_0..2 rot_0..3` with
 //! `K = (sh_degree + 1)^2`; `f_rest_{c (K - 1) + k - 1}` is coefficient `k` of channel `c`,
 //! opacity a logit, scales logarithms, the rotation wxyz and as stored, the normals 0.
+//!
+//! Far from the scene's origin f32 would round positions to a visible grid. There they are stored
+//! without [`Frame::offset`], which the header has as `comment offset X Y Z`: what is to be added.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -41,6 +44,18 @@ pub fn write_ply(path: &Path, gaussians: &Gaussians, frame: &Frame) -> Result<()
         "ply\nformat binary_little_endian 1.0\nelement vertex {}\n",
         gaussians.len()
     );
+    let offset = frame.offset();
+    if offset != DVec3::ZERO {
+        let line = format!(
+            "comment offset {} {} {}\nelement",
+            offset.x, offset.y, offset.z
+        );
+        header = header.replacen("element", &line, 1);
+    }
+    let stored = Frame {
+        center: frame.center - offset,
+        ..*frame
+    };
     for name in &names {
         // Writing to a String cannot fail.
         let _ = writeln!(header, "property float {name}");
@@ -57,7 +72,7 @@ pub fn write_ply(path: &Path, gaussians: &Gaussians, frame: &Frame) -> Result<()
             || Vec::with_capacity(names.len()),
             |row, (i, out)| {
                 row.clear();
-                push_row(gaussians, i, frame, row);
+                push_row(gaussians, i, &stored, row);
                 for (out, value) in out.chunks_exact_mut(4).zip(row) {
                     out.copy_from_slice(&value.to_le_bytes());
                 }
@@ -81,7 +96,26 @@ fn push_row(gaussians: &Gaussians, i: usize, frame: &Frame, row: &mut Vec<f32>) 
     row.extend(gaussians.rotations_wxyz[i]);
 }
 
-/// Reads Gaussians in the file's own frame; [`Gaussians::to_canonical`] takes them to another.
+/// Gaussians as a file has them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stored {
+    /// In the scene's own frame, less `offset`.
+    pub gaussians: Gaussians,
+    /// What is to be added to their means.
+    pub offset: DVec3,
+}
+
+impl Stored {
+    /// The Gaussians in the canonical frame of `frame`, which is in the scene's own.
+    pub fn to_canonical(self, frame: &Frame) -> Gaussians {
+        self.gaussians.to_canonical(&Frame {
+            center: frame.center - self.offset,
+            ..*frame
+        })
+    }
+}
+
+/// Reads Gaussians in the file's own frame; [`Stored::to_canonical`] takes them to another.
 ///
 /// Properties may come in any order and beside others; values are taken as they are, finite or
 /// not. Memory is bounded by the file's size.
@@ -89,12 +123,31 @@ fn push_row(gaussians: &Gaussians, i: usize, frame: &Frame, row: &mut Vec<f32>) 
 /// # Errors
 /// A file that is no such PLY, naming the header's line, the missing property, or the byte at
 /// which the data ends.
-pub fn read_ply(path: &Path) -> Result<Gaussians> {
+pub fn read_ply(path: &Path) -> Result<Stored> {
     let bytes = read_file(path)?;
-    parse(&bytes).map_err(|e| e.at_path(path))
+    let (gaussians, header) = parse(&bytes).map_err(|e| e.at_path(path))?;
+    Ok(Stored {
+        gaussians,
+        offset: offset_of(&bytes[..header]),
+    })
 }
 
-fn parse(bytes: &[u8]) -> Result<Gaussians> {
+/// The offset that a header's comment tells; zero where none does.
+fn offset_of(header: &[u8]) -> DVec3 {
+    let text = String::from_utf8_lossy(header);
+    let numbers = text.lines().find_map(|line| {
+        let line = line.trim().strip_prefix("comment offset ")?;
+        let numbers = line.split_whitespace().map(|word| word.parse::<f64>().ok());
+        <[f64; 3]>::try_from(numbers.collect::<Option<Vec<_>>>()?).ok()
+    });
+    let offset = numbers.map(DVec3::from_array);
+    offset
+        .filter(|offset| offset.is_finite())
+        .unwrap_or(DVec3::ZERO)
+}
+
+/// The Gaussians, and the byte at which the header ends.
+fn parse(bytes: &[u8]) -> Result<(Gaussians, usize)> {
     let (element, start) = read_vertex_element(bytes)?;
     let layout = Layout::new(&element)?;
     let available = bytes.len() - start;
@@ -134,7 +187,7 @@ fn parse(bytes: &[u8]) -> Result<Gaussians> {
         gaussians.opacity_logits.push(float(layout.opacity));
         gaussians.sh.extend(layout.sh.iter().map(|o| float(*o)));
     }
-    Ok(gaussians)
+    Ok((gaussians, start))
 }
 
 /// The vertex element, and the byte at which its rows start.

@@ -14,7 +14,7 @@ use crate::files::write_file;
 ///
 /// # Errors
 /// What keeps the file from being written.
-pub fn write_splat(path: &Path, gaussians: &Gaussians) -> Result<usize> {
+pub fn write_splat(path: &Path, gaussians: &Gaussians, _: &mut Vec<String>) -> Result<usize> {
     let chosen = gaussians.heaviest(gaussians.len());
     let mut bytes = Vec::with_capacity(32 * chosen.len());
     for &i in &chosen {

@@ -33,12 +33,23 @@ const SH_SIGN: [f32; 15] = [
     -1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0,
 ];
 
-/// Writes all that is finite and visible, in the frame that it is in; returns their number.
+/// Natural logarithms of the scales that a byte holds, in steps of 1/16.
+const SCALE_LOG: std::ops::RangeInclusive<f32> = -10.0..=5.9375;
+
+/// Share of the Gaussians that must lie within the file's reach; what lies farther is left out where
+/// it would make the positions of the others coarse.
+const WITHIN: f64 = 0.999;
+/// Share of the Gaussians that may be smaller than the step of their positions.
+const MAX_COARSE: f64 = 0.01;
+
+/// Writes all that is finite and visible, in the frame that it is in; returns their number. What the
+/// format cannot hold as it is goes to `warnings`.
 ///
 /// # Errors
-/// A mean beyond 2^23 units, or what keeps the file from being written.
-pub fn write_spz(path: &Path, gaussians: &Gaussians) -> Result<usize> {
-    let chosen = gaussians.heaviest(gaussians.len());
+/// Means beyond 2^23 units, or what keeps the file from being written.
+pub fn write_spz(path: &Path, gaussians: &Gaussians, warnings: &mut Vec<String>) -> Result<usize> {
+    let mut chosen = gaussians.heaviest(gaussians.len());
+    fit(gaussians, &mut chosen, warnings);
     let bytes = packed(gaussians, &chosen).map_err(|e| e.at_path(path))?;
     let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
     let zipped = encoder.write_all(&bytes).and_then(|()| encoder.finish());
@@ -87,6 +98,61 @@ fn packed(gaussians: &Gaussians, chosen: &[usize]) -> Result<Vec<u8>> {
         }
     }
     Ok(bytes)
+}
+
+/// Leaves out of `chosen` what is so far that the others' positions would be coarse, and tells what
+/// rounding does to those that stay.
+fn fit(gaussians: &Gaussians, chosen: &mut Vec<usize>, warnings: &mut Vec<String>) {
+    let reach = |i: &usize| gaussians.means[*i].abs().max_element();
+    let size = |i: &usize| gaussians.scales_log[*i].max_element().exp();
+    let coarse = |chosen: &[usize]| {
+        let step = fraction_bits(gaussians, chosen).map_or(1.0, |b| (-f32::from(b)).exp2());
+        let n = chosen.iter().filter(|i| size(i) < step).count();
+        (n as f64 / chosen.len().max(1) as f64, step)
+    };
+    if coarse(chosen).0 > MAX_COARSE {
+        let mut reaches: Vec<f32> = chosen.iter().map(reach).collect();
+        reaches.sort_unstable_by(f32::total_cmp);
+        let last = (WITHIN * (reaches.len() - 1) as f64).round() as usize;
+        let near: Vec<usize> = chosen
+            .iter()
+            .copied()
+            .filter(|i| reach(i) <= reaches[last])
+            .collect();
+        if coarse(&near).1 < coarse(chosen).1 {
+            warnings.push(format!(
+                "{} Gaussians beyond {} units are left out: with them a .spz file would round all positions \
+                 to steps of {}",
+                chosen.len() - near.len(),
+                reaches[last],
+                coarse(chosen).1
+            ));
+            *chosen = near;
+        }
+    }
+    let (share, step) = coarse(chosen);
+    if share > MAX_COARSE {
+        warnings.push(format!(
+            "a .spz file rounds these positions to steps of {step}, and {:.1} % of the Gaussians are \
+             smaller: scale the scene down, or export .splat",
+            100.0 * share
+        ));
+    }
+    let cut = |i: &&usize| {
+        let scales = gaussians.scales_log[**i];
+        // Less than nothing is nothing.
+        scales.max_element() > *SCALE_LOG.end() || scales.max_element() < *SCALE_LOG.start()
+    };
+    let n_cut = chosen.iter().filter(cut).count();
+    if n_cut > 0 {
+        warnings.push(format!(
+            "a .spz file holds sizes from {:.1e} to {:.0} units: those of {:.1} % of the Gaussians are cut off; \
+             scale the scene, or export .splat",
+            SCALE_LOG.start().exp(),
+            SCALE_LOG.end().exp(),
+            100.0 * n_cut as f64 / chosen.len() as f64
+        ));
+    }
 }
 
 /// As many bits behind the point as leave room for the farthest mean.

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use super::train::fitted;
 use super::{Forecast, Prepared, TrainJob, prepare};
+use crate::cloud::agreement::Agreement;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::render::Kernels;
@@ -33,6 +34,8 @@ pub struct DryRun {
     pub prepare_s: f64,
     /// Measured over the first iterations.
     pub iteration_s: f64,
+    /// Of the cloud and the training views.
+    pub agreement: Agreement,
     /// Predicted.
     pub memory: Forecast,
     /// Most bytes that buffers held so far.
@@ -47,6 +50,13 @@ pub struct DryRun {
 pub fn dry_run(job: &TrainJob) -> Result<DryRun> {
     let gpu = &Gpu::open()?;
     let (scene, config) = (job.load()?, &job.config);
+    for warning in &scene.warnings {
+        log::warn!("{warning}");
+    }
+    let agreement = Agreement::of(&scene)?;
+    for warning in &agreement.warnings {
+        log::warn!("{warning}");
+    }
     let begin = Instant::now();
     let prepared = prepare(&scene, config, &mut Seconds::default())?;
     for warning in &prepared.warnings {
@@ -90,6 +100,7 @@ pub fn dry_run(job: &TrainJob) -> Result<DryRun> {
         image_size: [camera.width, camera.height],
         prepare_s,
         iteration_s: timed_s / f64::from(N_TIMED),
+        agreement,
         memory,
         gpu_bytes: gpu.peak_bytes(),
         host_bytes: peak_host_bytes(),

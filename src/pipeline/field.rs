@@ -6,6 +6,7 @@ use serde::Serialize;
 use super::prepare::{carved, choose_views};
 use super::{cameras, focus_of};
 use crate::camera::compass::Compass;
+use crate::cloud::agreement::Agreement;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::field::gaps::{Gaps, uncovered};
@@ -34,6 +35,7 @@ pub struct FieldReport {
     pub looking_away: Vec<String>,
     /// None where the cameras look outward: places around the focus that look at it would not help.
     pub advice: Option<Advice>,
+    pub agreement: Agreement,
 }
 
 /// A direction about the focus.
@@ -85,9 +87,11 @@ pub struct FieldMaps {
 /// Makes the field of `scene` as `config` says, draws its virtual views and looks for gaps.
 ///
 /// # Errors
-/// A camera layout without a sphere, or more virtual views than candidates.
+/// A cloud that no training view sees, a camera layout without a sphere, or more virtual views than
+/// candidates.
 pub fn field(scene: &Scene, config: &Config) -> Result<FieldMaps> {
     let training = cameras(&scene.train);
+    let agreement = Agreement::of(scene)?;
     let (focus, _) = focus_of(scene)?;
     let map = Surveyed {
         field: Field::new(&training, &focus, &config.field),
@@ -96,7 +100,8 @@ pub fn field(scene: &Scene, config: &Config) -> Result<FieldMaps> {
     };
     let carved = carved(scene, &focus.frame(), config)?;
     let cloud = carved.as_ref().map_or(&scene.cloud, |c| &c.cloud);
-    let views = choose_views(&training, (&focus, &map.field), cloud, config)?;
+    let views = choose_views(&training, (&focus, &map.field), cloud, config)
+        .map_err(|e| agreement.explain(e))?;
     let gaps = Gaps::find(&map.field, &map.compass)
         .ok_or_else(|| Error::new("no training camera to look for gaps with"))?;
     let outlook = Outlook::of(&training, &focus);
@@ -120,6 +125,7 @@ pub fn field(scene: &Scene, config: &Config) -> Result<FieldMaps> {
         },
         looking_away: outlook.away.iter().map(|i| map.names[*i].clone()).collect(),
         advice: advised.map(|_| map.advice(&gaps, &focus)),
+        agreement,
     };
     Ok(FieldMaps {
         potential_svg: map.potential_svg(&drawn)?,
@@ -128,6 +134,7 @@ pub fn field(scene: &Scene, config: &Config) -> Result<FieldMaps> {
             .fallback
             .into_iter()
             .chain(outlook.warning(&training))
+            .chain(report.agreement.warnings.clone())
             .collect(),
         report,
     })

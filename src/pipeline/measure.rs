@@ -47,9 +47,9 @@ pub(super) fn measure(
     train_s: Option<f64>,
 ) -> Result<Evaluation> {
     // The file, not the model in memory: what is measured is what others will open.
-    let gaussians = read_ply(&run.point_cloud())?;
+    let stored = read_ply(&run.point_cloud())?;
     let frame = aligned.as_ref().map_or(own.frame, |a| &a.frame);
-    let gaussians = gaussians.to_canonical(frame);
+    let gaussians = stored.to_canonical(frame);
     let fit = |aligned| align::fitted(device, &gaussians, config, options.align, aligned);
     let aligned = aligned.map(fit).transpose()?;
     let Seen { views, frame } = aligned.as_ref().map_or(own, |aligned| Seen {

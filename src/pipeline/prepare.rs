@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::{Clock, cameras, focus_of};
 use crate::camera::{Camera, Frame};
+use crate::cloud::agreement::Agreement;
 use crate::cloud::carve::{Carved, carve};
 use crate::cloud::splat::{SplatImage, fill_holes, splat_where};
 use crate::cloud::visibility::{Visibility, candidate_shares};
@@ -60,7 +61,13 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     let carved = carved(scene, &frame, config)?;
     seconds.carve = carved.as_ref().map(|_| clock.lap());
     let cloud = carved.as_ref().map_or(&scene.cloud, |c| &c.cloud);
-    let virtual_views = choose_views(&train_cameras, (&focus, &field), cloud, config)?;
+    let virtual_views =
+        choose_views(&train_cameras, (&focus, &field), cloud, config).map_err(|e| {
+            match Agreement::of(scene) {
+                Ok(agreement) => agreement.explain(e),
+                Err(cause) => cause,
+            }
+        })?;
     let virtual_cameras: Vec<Camera> = virtual_views.iter().map(|v| v.camera.clone()).collect();
     seconds.sample = Some(clock.lap());
     let fill_weight = match is_cut_out(scene) {

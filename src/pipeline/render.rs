@@ -29,13 +29,13 @@ const MAX_LISTED: usize = 8;
 /// Renders a model; returns the number of images written.
 pub fn render(job: &RenderJob) -> Result<usize> {
     let config = Config::preset(PRESETS[0].0)?;
-    let gaussians = read_ply(&job.model)?;
-    let n_not_finite = gaussians.n_not_finite();
-    if n_not_finite > 0 {
+    let stored = read_ply(&job.model)?;
+    let n_broken = stored.gaussians.n_broken();
+    if n_broken > 0 {
         log::warn!(
-            "{}: {n_not_finite} of {} Gaussians are not finite and are not drawn",
+            "{}: {n_broken} of {} Gaussians are not finite or have no rotation and are not drawn",
             job.model.display(),
-            gaussians.len()
+            stored.gaussians.len()
         );
     }
     let (cameras, frame) = choose(job, &config)?;
@@ -48,7 +48,7 @@ pub fn render(job: &RenderJob) -> Result<usize> {
     log::info!("adapter: {}", gpu.describe());
     let mut progress = Progress::stage("rendering", cameras.len() as u32);
     let kernels = Kernels::new(&gpu);
-    let gaussians = gaussians.to_canonical(&frame);
+    let gaussians = stored.to_canonical(&frame);
     let model = Model::upload(&gpu, &gaussians, gaussians.len())?;
     let mut renderer = Renderer::new(&gpu, &kernels);
     let names: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();

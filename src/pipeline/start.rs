@@ -5,6 +5,7 @@ use std::path::Path;
 use super::Clock;
 use super::job::TrainJob;
 use super::train::train;
+use crate::cloud::agreement::Agreement;
 use crate::error::Result;
 use crate::eval::EvalOptions;
 use crate::gpu::Gpu;
@@ -29,7 +30,7 @@ impl TrainJob {
         // and the same command works once it has one.
         let gpu = open_gpu()?;
         seconds.open = Some(clock.lap());
-        let scene = announced(self.load()?);
+        let scene = announced(self.load()?)?;
         seconds.load = Some(clock.lap());
         options.check(&scene.test)?;
         let run = RunDir::create(out, &self.config, overwrite)?;
@@ -68,7 +69,7 @@ impl TrainJob {
             profile,
             ..Self::recorded(&record.scene, run.config()?)?
         };
-        let scene = announced(job.load_again()?);
+        let scene = announced(job.load_again()?)?;
         seconds.load = Some(clock.lap());
         let stop = Stop::on_signals()?;
         let so_far = (clock, seconds);
@@ -94,10 +95,16 @@ fn open_gpu() -> Result<Gpu> {
 }
 
 /// Says what was taken of a scene and what is wrong with it.
-fn announced(scene: Scene) -> Scene {
+///
+/// # Errors
+/// A cloud that no training view sees.
+fn announced(scene: Scene) -> Result<Scene> {
     log::info!("scene: {}", scene.source);
     for warning in &scene.warnings {
         log::warn!("{warning}");
     }
-    scene
+    for warning in &Agreement::of(&scene)?.warnings {
+        log::warn!("{warning}");
+    }
+    Ok(scene)
 }

@@ -2,6 +2,8 @@
 
 use std::time::Instant;
 
+use glam::DVec3;
+
 use super::job::record;
 use super::keep::{Identity, Keeper, Log};
 use super::measure::{Clouds, Seen, measure};
@@ -82,7 +84,17 @@ pub fn train(
     log::info!("memory, predicted\n{}", forecast.tables());
     write_virtual_sheet(run, &supervision.virtual_views)?;
     let train = cameras(&scene.train);
-    write_cameras(&run.cameras(), &all_cameras(scene, train, virtual_cameras))?;
+    let offset = task.prepared.frame.offset();
+    if offset != DVec3::ZERO {
+        log::info!(
+            "positions are stored without the offset {} {} {}, which point_cloud.ply and cameras.json note",
+            offset.x,
+            offset.y,
+            offset.z
+        );
+    }
+    let all = all_cameras(scene, train, virtual_cameras);
+    write_cameras(&run.cameras(), &all, offset)?;
     files_s += clock.lap();
     seconds.files = Some(files_s);
     match task.attempt(gpu, &mut clock, seconds) {
@@ -200,7 +212,7 @@ impl Task<'_> {
         let frame = &self.prepared.frame;
         let world = cameras.iter().map(|c| frame.camera_to_world(c));
         let all = all_cameras(self.scene, world.collect(), &self.prepared.virtual_cameras);
-        write_cameras(&self.run.cameras(), &all)?;
+        write_cameras(&self.run.cameras(), &all, frame.offset())?;
         let before = &self.prepared.supervision.real;
         let change = |(after, before): (&Camera, &TrainingView)| {
             let (turn, shift) = after.difference(&before.camera);

@@ -1,5 +1,6 @@
 //! What a run shows: image files, contact sheets, tables, plots and its page.
 
+mod agreement;
 mod animation;
 mod comparison;
 mod evaluation;
@@ -13,6 +14,7 @@ mod profile;
 mod sheet;
 pub mod stats;
 
+pub use agreement::agreement_table;
 pub use animation::write_animation;
 pub use comparison::{Block, ComparedRun, Comparison, Row, check_protocols};
 pub use evaluation::{evaluation_table, view_table};

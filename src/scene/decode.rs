@@ -1,12 +1,13 @@
 //! Photographs from disk, undistorted and scaled to the asked size.
 
 use image::imageops::{FilterType, resize};
-use image::{DynamicImage, RgbImage};
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageDecoder, RgbImage};
 
 use super::image_file::{decoded, open_image, same_aspect};
 use super::images::PosedImage;
 use super::layout::PosedCamera;
-use super::masks::{Levels, Masks};
+use super::masks::{Levels, Masks, Unbelieved};
 use super::undistort::Undistortion;
 use super::{Image, LoadOptions, View};
 use crate::camera::{Camera, bounded_size};
@@ -17,6 +18,10 @@ use crate::files::read_file;
 pub(super) struct Decoded {
     pub view: View,
     pub rescaled_from: Option<(u32, u32)>,
+    /// Why its alpha channel is no mask, where it has one that is none.
+    pub unbelieved: Option<Unbelieved>,
+    /// Whether its EXIF data ask for it to be turned for display.
+    pub is_turned: bool,
 }
 
 /// Decodes the photograph and its mask, which is that of `masks` or else the photograph's alpha
@@ -37,11 +42,11 @@ pub(super) fn decode(
 ) -> Result<Decoded> {
     let PosedImage { posed, path } = photograph;
     let here = |e: Error| e.at_path(path);
-    let image = decode_bytes(&read_file(path)?, &posed.camera).map_err(here)?;
+    let (image, is_turned) = decode_bytes(&read_file(path)?, &posed.camera).map_err(here)?;
     let size = (image.width(), image.height());
     let stated = (posed.camera.width, posed.camera.height);
     let file = masks.file(&posed.camera.name);
-    let mut mask = Levels::of(file, &image, options.outside_mask)?;
+    let (mut mask, unbelieved) = Levels::of(file, &image, options.outside_mask)?;
     let mut image = image.into_rgb8();
     if let Some(mask) = &mask {
         mask.cut_out(&mut image, options.background);
@@ -66,6 +71,8 @@ pub(super) fn decode(
             mask: mask.map(|mask| mask.mask(target)),
         },
         rescaled_from: (stated != size).then_some(stated),
+        unbelieved,
+        is_turned,
     })
 }
 
@@ -76,9 +83,10 @@ fn undistortion(posed: &PosedCamera, size: (u32, u32)) -> Result<Option<Undistor
     distortion.map(|d| Undistortion::new(camera, d)).transpose()
 }
 
-/// The photograph, which has its camera's shape, at full size.
-fn decode_bytes(bytes: &[u8], camera: &Camera) -> Result<DynamicImage> {
-    let (decoder, (width, height)) = open_image(bytes)?;
+/// The photograph, which has its camera's shape, at full size, and whether its EXIF data would have it
+/// turned.
+fn decode_bytes(bytes: &[u8], camera: &Camera) -> Result<(DynamicImage, bool)> {
+    let (mut decoder, (width, height)) = open_image(bytes)?;
     let stated = (camera.width, camera.height);
     if !same_aspect(stated, (width, height)) {
         let turned = same_aspect((camera.height, camera.width), (width, height));
@@ -92,7 +100,9 @@ fn decode_bytes(bytes: &[u8], camera: &Camera) -> Result<DynamicImage> {
             "use the images that the model was made from, or the same at another resolution"
         }));
     }
-    decoded(decoder)
+    // Broken EXIF data ask for nothing.
+    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+    Ok((decoded(decoder)?, orientation != Orientation::NoTransforms))
 }
 
 fn from_rgb(image: RgbImage) -> Image {

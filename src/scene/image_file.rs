@@ -4,6 +4,7 @@ use std::io::Cursor;
 
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
+use super::jpeg::check_whole;
 use crate::error::{Error, Result};
 
 /// Longest side of a photograph, pixels.
@@ -27,6 +28,7 @@ pub(super) fn open_image(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, (u32, 
     if !matches!(reader.format(), Some(ImageFormat::Png | ImageFormat::Jpeg)) {
         return Err(Error::new("neither a PNG nor a JPEG image").way_out("convert it to PNG"));
     }
+    check_whole(bytes)?;
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_SIDE);
     limits.max_image_height = Some(MAX_SIDE);

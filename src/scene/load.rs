@@ -1,6 +1,10 @@
 //! A scene folder to a [`Scene`]: the format's reader finds what there is, the rest is shared.
 
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
+use std::time::Duration;
 
 use rayon::prelude::*;
 
@@ -11,7 +15,7 @@ use super::decode::{Decoded, decode};
 use super::formats::{self, confidence_of};
 use super::images::{PosedImage, match_images};
 use super::layout::PosedCamera;
-use super::masks::Masks;
+use super::masks::{Masks, Unbelieved};
 use super::protocol::PoseProtocol;
 use super::split::{choose, regroup};
 use super::{CloudSource, LoadOptions, PointCloud, Scene, View};
@@ -19,6 +23,11 @@ use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::files::bytes::read_regular;
 use crate::files::npy::read_vector;
+
+/// COLMAP's points are newer than a PLY only by so much: files that are copied together differ a little.
+const NEWER: Duration = Duration::from_secs(60);
+/// Times as many points are far more.
+const FAR_MORE: u64 = 10;
 
 /// Loads the scene in the folder `dir`: poses, intrinsics and cloud in the format that is found
 /// there, the split, and the photographs of the training and test views, scaled as asked.
@@ -72,6 +81,9 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     let pose_protocol = protocol(count(|posed| posed.interpolated), &mut warnings);
     let cameras: Vec<Camera> = matched.views.into_iter().map(|v| v.posed.camera).collect();
     let n_stored = cloud.len();
+    if options.cloud.is_none() {
+        warnings.extend(stale(&cloud_path, n_stored));
+    }
     clean(&mut cloud, &cameras, &mut warnings);
     if cloud.is_empty() {
         return Err(no_point(&cloud_path, n_stored));
@@ -80,7 +92,7 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     if cloud.is_empty() {
         return Err(Error::new("no point of the cloud lies within the masks of all training views")
             .at_path(&cloud_path)
-            .way_out("masks are white where the subject is; `--set scene.outside_mask=ignored` keeps all points"));
+            .way_out("masks are white where the subject is, and cloud and poses must share one frame; `--set scene.outside_mask=ignored` keeps all points"));
     }
     let random = options.cloud == Some(CloudSource::Random);
     if random {
@@ -184,12 +196,24 @@ fn no_point(path: &Path, n_stored: usize) -> Error {
 /// The views in order, or the first error in order.
 fn views(decoded: Vec<Result<Decoded>>, warnings: &mut Vec<String>) -> Result<Vec<View>> {
     let mut views = Vec::with_capacity(decoded.len());
-    let mut rescaled = Vec::new();
+    let (mut rescaled, mut turned) = (Vec::new(), Vec::new());
+    let mut unbelieved: BTreeMap<Unbelieved, Vec<String>> = BTreeMap::new();
     for decoded in decoded {
         let Decoded {
             view,
             rescaled_from,
+            unbelieved: why,
+            is_turned,
         } = decoded?;
+        if is_turned {
+            turned.push(view.camera.name.clone());
+        }
+        if let Some(why) = why {
+            unbelieved
+                .entry(why)
+                .or_default()
+                .push(view.camera.name.clone());
+        }
         if let Some((width, height)) = rescaled_from {
             rescaled.push(format!("`{}`, camera {width}x{height}", view.camera.name));
         }
@@ -202,7 +226,43 @@ fn views(decoded: Vec<Result<Decoded>>, warnings: &mut Vec<String>) -> Result<Ve
             if rescaled.len() > 1 { ", ..." } else { "" }
         ));
     }
+    warnings.extend(unbelieved.iter().map(|(why, names)| why.line(names)));
+    if let Some(example) = turned.first() {
+        warnings.push(format!(
+            "{} photographs have an EXIF orientation (`{}`{}): it is not applied, so poses must be those of \
+             the pixels as stored",
+            turned.len(),
+            example.escape_debug(),
+            if turned.len() > 1 { ", ..." } else { "" }
+        ));
+    }
     Ok(views)
+}
+
+/// A line where a PLY is taken although COLMAP's own points beside it are newer or far more: PLYs are
+/// left behind by earlier reconstructions and by programs that thin them.
+fn stale(taken: &Path, n_taken: usize) -> Option<String> {
+    let beside = taken.with_file_name("points3D.bin");
+    if taken.extension()? != "ply" {
+        return None;
+    }
+    let mut count = [0; 8];
+    File::open(&beside).ok()?.read_exact(&mut count).ok()?;
+    let n_beside = u64::from_le_bytes(count);
+    let changed = |path: &Path| std::fs::metadata(path).ok()?.modified().ok();
+    let age = changed(&beside)?.duration_since(changed(taken)?).ok();
+    let is_newer = age.is_some_and(|age| age >= NEWER);
+    let is_larger = n_beside >= FAR_MORE * n_taken as u64;
+    let how = match (is_newer, is_larger) {
+        (true, true) => "is newer and has far more points",
+        (true, false) => "is newer",
+        (false, true) => "has far more points",
+        (false, false) => return None,
+    };
+    Some(format!(
+        "`points3D.bin` beside `{}` {how} ({n_beside} beside {n_taken}); `--cloud points3D.bin` takes it",
+        taken.file_name()?.to_string_lossy().escape_debug()
+    ))
 }
 
 /// The folder's own name, also for `.` and `..`.

@@ -17,6 +17,10 @@ use crate::files::read_file;
 /// From this level on a pixel is set.
 const THRESHOLD: u8 = 128;
 
+/// An alpha channel that leaves out, or one that keeps, no more than this share of the pixels is no
+/// mask: editors and resizers leave such pixels behind, and failed segmentations.
+const MIN_SHARE: f64 = 1e-3;
+
 /// A scene's folder of masks, `masks/`.
 pub(super) struct Masks(Option<PathBuf>);
 
@@ -72,6 +76,12 @@ fn read_mask(path: &Path, photograph: (u32, u32)) -> Result<GrayImage> {
         }
         let levels = decoded(decoder)?.into_luma8();
         let brightest = levels.pixels().map(|p| p.0[0]).max().unwrap_or(0);
+        if brightest == 0 {
+            return Err(
+                Error::new("the mask has nothing inside: all of it is black")
+                    .way_out("draw it again, or remove it to use the whole photograph"),
+            );
+        }
         if (1..THRESHOLD).contains(&brightest) {
             return Err(Error::new(format!(
                 "the mask's brightest pixel is {brightest} of 255, so none would be set"
@@ -83,17 +93,65 @@ fn read_mask(path: &Path, photograph: (u32, u32)) -> Result<GrayImage> {
     decode().map_err(|e| e.at_path(path))
 }
 
-/// The alpha channel of a photograph; none where there is no channel, or all of it is opaque.
-fn alpha_mask(photograph: &DynamicImage) -> Option<GrayImage> {
+/// What the alpha channel of a photograph is.
+enum Alpha {
+    /// There is none, or all of it is opaque.
+    None,
+    Mask(GrayImage),
+    /// It says nothing of a subject: why.
+    Unusable(Unbelieved),
+}
+
+/// Why an alpha channel is not believed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Unbelieved {
+    /// It leaves next to nothing out.
+    AlmostOpaque,
+    /// It keeps next to nothing.
+    AlmostEmpty,
+}
+
+impl Unbelieved {
+    /// For the log, of `names`, at least one.
+    pub fn line(self, names: &[String]) -> String {
+        let (what, why) = match self {
+            Unbelieved::AlmostOpaque => (
+                "leave next to nothing out",
+                "the whole photographs are used",
+            ),
+            Unbelieved::AlmostEmpty => (
+                "have nothing inside",
+                "they are not believed and the whole photographs are used: cut out the subject again",
+            ),
+        };
+        format!(
+            "the alpha channels of {} photographs {what} (`{}`{}): {why}",
+            names.len(),
+            names[0].escape_debug(),
+            if names.len() > 1 { ", ..." } else { "" }
+        )
+    }
+}
+
+/// What the alpha channel of a photograph says.
+fn alpha_mask(photograph: &DynamicImage) -> Alpha {
     if !photograph.color().has_alpha() {
-        return None;
+        return Alpha::None;
     }
     let (width, height) = (photograph.width(), photograph.height());
     let alpha: Vec<u8> = photograph.to_rgba8().pixels().map(|p| p.0[3]).collect();
     if alpha.iter().all(|&a| a == 255) {
-        return None;
+        return Alpha::None;
     }
-    GrayImage::from_raw(width, height, alpha)
+    let n_set = alpha.iter().filter(|&&a| a >= THRESHOLD).count();
+    let few = MIN_SHARE * alpha.len() as f64;
+    if (alpha.len() - n_set) as f64 <= few {
+        return Alpha::Unusable(Unbelieved::AlmostOpaque);
+    }
+    if n_set as f64 <= few {
+        return Alpha::Unusable(Unbelieved::AlmostEmpty);
+    }
+    GrayImage::from_raw(width, height, alpha).map_or(Alpha::None, Alpha::Mask)
 }
 
 /// A mask as it is read: how bright or opaque, 0 to 255.
@@ -104,7 +162,7 @@ pub(super) struct Levels {
 
 impl Levels {
     /// The mask in the file `path` or else the photograph's alpha channel, at any size; what it
-    /// leaves out is as `wanted`.
+    /// leaves out is as `wanted`. Beside it why an alpha channel is none.
     ///
     /// # Errors
     /// What [`read_mask`] refuses.
@@ -112,13 +170,17 @@ impl Levels {
         path: Option<PathBuf>,
         photograph: &DynamicImage,
         wanted: OutsideMask,
-    ) -> Result<Option<Levels>> {
+    ) -> Result<(Option<Levels>, Option<Unbelieved>)> {
         let (levels, auto) = match path {
             Some(path) => {
                 let size = (photograph.width(), photograph.height());
-                (Some(read_mask(&path, size)?), Outside::Ignored)
+                (read_mask(&path, size)?, Outside::Ignored)
             }
-            None => (alpha_mask(photograph), Outside::Background),
+            None => match alpha_mask(photograph) {
+                Alpha::Mask(levels) => (levels, Outside::Background),
+                Alpha::None => return Ok((None, None)),
+                Alpha::Unusable(why) => return Ok((None, Some(why))),
+            },
         };
         let outside = match wanted {
             OutsideMask::Auto => auto,
@@ -126,7 +188,7 @@ impl Levels {
             OutsideMask::Background => Outside::Background,
             OutsideMask::Kept => Outside::Kept,
         };
-        Ok(levels.map(|levels| Levels { levels, outside }))
+        Ok((Some(Levels { levels, outside }), None))
     }
 
     /// Puts the `background`, RGB in [0, 1], behind the photograph where the mask asks for it.

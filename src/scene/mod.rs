@@ -7,6 +7,7 @@ mod decode;
 mod formats;
 mod image_file;
 mod images;
+mod jpeg;
 mod layout;
 mod lens;
 mod load;

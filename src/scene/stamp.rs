@@ -25,19 +25,28 @@ impl SceneSource {
     }
 }
 
-/// Appends a line for every file below `dir`, sorted; links to folders are not followed.
+/// Appends a line for every file below `dir`, sorted; links to folders are not followed. Runs that lie
+/// within are left out: no scene reads them, and they change at every evaluation.
 fn list(dir: &Path, prefix: &str, listing: &mut String) -> std::io::Result<()> {
     let mut entries = std::fs::read_dir(dir)?.collect::<Result<Vec<_>, _>>()?;
     entries.sort_by_key(std::fs::DirEntry::file_name);
     for entry in entries {
         let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
         if entry.file_type()?.is_dir() {
-            list(&entry.path(), &format!("{name}/"), listing)?;
+            if !is_run(&entry.path()) {
+                list(&entry.path(), &format!("{name}/"), listing)?;
+            }
         } else if let Ok(meta) = std::fs::metadata(entry.path()) {
             *listing += &line(&name, &meta);
         }
     }
     Ok(())
+}
+
+/// Whether a folder is what training writes: a config, beside what marks a run that is under way or done.
+fn is_run(dir: &Path) -> bool {
+    let marks = [".lock", "metrics.json", "checkpoints"];
+    dir.join("config.json").is_file() && marks.iter().any(|mark| dir.join(mark).exists())
 }
 
 fn line(name: &str, meta: &Metadata) -> String {

@@ -219,13 +219,6 @@ fn grey_is_set_from_half_on() {
 }
 
 #[test]
-fn an_empty_mask_is_a_mask() {
-    let folder = Folder::with_views(&NAMES);
-    folder.write("masks/a.png.png", left_of(0, SIZE));
-    assert_eq!(edge(&folder.scene(), 0), Some(0));
-}
-
-#[test]
 fn masks_that_are_none_are_refused_by_name() {
     let labels = bytes(GrayImage::from_fn(SIZE.0, SIZE.1, |x, _| {
         Luma([(x % 2) as u8])
@@ -237,6 +230,7 @@ fn masks_that_are_none_are_refused_by_name() {
         (Vec::new(), &["empty"]),
         (b"hello".to_vec(), &["neither a PNG nor a JPEG"]),
         (good[..good.len() - 20].to_vec(), &["cannot decode"]),
+        (left_of(0, SIZE), &["nothing inside", "remove it"]),
         (labels, &["brightest pixel is 1 of 255", "white"]),
     ] {
         let folder = Folder::with_views(&NAMES);
@@ -272,4 +266,41 @@ fn a_stamp_changes_with_the_files_and_with_nothing_else() {
     assert_ne!(source.stamp(Some(&cloud)), with_cloud);
     let builtin = |width| SceneSource::Builtin { width }.stamp(None);
     assert!(builtin(64).is_some() && builtin(64) != builtin(65));
+}
+
+#[test]
+fn an_alpha_channel_that_says_nothing_of_a_subject_is_no_mask_and_is_told() {
+    // 12,000 pixels, of which up to 12 are nothing.
+    let size = (120, 100);
+    let transparent = |n: u32| {
+        bytes(RgbaImage::from_fn(size.0, size.1, |x, y| {
+            let alpha = if y * size.0 + x < n { 0 } else { 255 };
+            Rgba([90, 60, 30, alpha])
+        }))
+    };
+    let all = size.0 * size.1;
+    for (n, is_mask, said) in [
+        (12, false, Some("next to nothing out")),
+        (13, true, None),
+        (all - 13, true, None),
+        (all - 12, false, Some("nothing inside")),
+        (all, false, Some("nothing inside")),
+    ] {
+        let folder = Folder::with_views(&NAMES);
+        folder.write("images/a.png", transparent(n));
+        let scene = folder.scene();
+        assert_eq!(scene.train[0].mask.is_some(), is_mask, "{n}");
+        let told = scene
+            .warnings
+            .iter()
+            .any(|w| w.contains("`a.png`") && w.contains("alpha channels of 1"));
+        assert_eq!(told, said.is_some(), "{n}: {:?}", scene.warnings);
+        if let Some(said) = said {
+            assert!(
+                scene.warnings.iter().any(|w| w.contains(said)),
+                "{:?}",
+                scene.warnings
+            );
+        }
+    }
 }

@@ -52,9 +52,9 @@ pub fn write_run_page(run: &RunDir, test: &[View], frame: &Frame) -> Result<()> 
     let (config, metrics, evaluation) = (run.config()?, run.metrics()?, run.evaluation()?);
     let cameras = read_cameras(&run.cameras())?;
     let data = PageData::new(&cameras, frame, &config, &metrics)?;
-    let gaussians = read_ply(&run.point_cloud())?;
-    let n_gaussians = gaussians.len();
-    let packed = pack(&gaussians.to_canonical(frame), MAX_PACKED);
+    let stored = read_ply(&run.point_cloud())?;
+    let n_gaussians = stored.gaussians.len();
+    let packed = pack(&stored.to_canonical(frame), MAX_PACKED);
     let side = test
         .first()
         .map_or(0, |view| side_of(test.len(), &view.image));

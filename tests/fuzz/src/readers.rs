@@ -158,7 +158,7 @@ fn config(path: PathBuf, _: &Folder) -> Result<(), Error> {
 }
 
 fn gaussians(path: PathBuf, _: &Folder) -> Result<(), Error> {
-    let gaussians = read_ply(&path)?;
+    let gaussians = read_ply(&path)?.gaussians;
     let n = gaussians.len();
     assert_eq!(
         (gaussians.scales_log.len(), gaussians.rotations_wxyz.len()),
@@ -301,7 +301,12 @@ fn cameras_file() -> Folder {
         .into_iter()
         .map(|v| v.camera)
         .collect();
-    write_cameras(&folder.path().join("cameras.json"), &cameras).expect("a file");
+    write_cameras(
+        &folder.path().join("cameras.json"),
+        &cameras,
+        glam::DVec3::ZERO,
+    )
+    .expect("a file");
     folder
 }
 
