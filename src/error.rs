@@ -105,6 +105,11 @@ impl fmt::Display for Error {
     }
 }
 
+/// A text file's bytes without the byte-order mark that Windows' editors put before UTF-8.
+pub fn without_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
+}
+
 /// Names and messages of decoders quote files, which may hold line breaks and terminal codes:
 /// each run of control characters becomes a space.
 fn one_line(text: &str) -> Cow<'_, str> {

@@ -274,6 +274,7 @@ fn metrics(pose_protocol: PoseProtocol) -> Metrics {
             train_views: Vec::new(),
             test_views: Vec::new(),
             n_points: 0,
+            cloud_crc32: None,
             carved_points: None,
             pose_protocol,
         },

@@ -75,6 +75,7 @@ impl Made {
                 train_views: self.train_views.iter().map(|&v| v.into()).collect(),
                 test_views: vec!["t".into(), "u".into()],
                 n_points: 3,
+                cloud_crc32: None,
                 carved_points: None,
                 pose_protocol: self.pose_protocol,
             },

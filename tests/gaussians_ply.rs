@@ -137,6 +137,50 @@ fn ply_properties_may_come_in_any_order_beside_others() {
     assert_eq!(gaussians.sh_degree, 0);
 }
 
+#[test]
+fn mip_splattings_filter_widens_scales_and_thins_opacities() {
+    let (_folder, path) = scratch("point_cloud.ply");
+    let plain = distinct(5, 0);
+    write_ply(&path, &plain, &Frame::IDENTITY).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    let start = bytes
+        .windows(11)
+        .position(|w| w == b"end_header\n")
+        .unwrap()
+        + 11;
+    let row_bytes = (bytes.len() - start) / 5;
+    let filters = [0.0f32, 0.05, 2.0, f32::NAN, 1e-6];
+    let header = String::from_utf8(bytes[..start].to_vec()).unwrap();
+    let mut file = header
+        .replace("end_header", "property float filter_3D\nend_header")
+        .into_bytes();
+    for (row, filter) in bytes[start..].chunks(row_bytes).zip(filters) {
+        file.extend(row);
+        file.extend(filter.to_le_bytes());
+    }
+    std::fs::write(&path, file).unwrap();
+    let read = read_ply(&path).unwrap();
+    for (i, filter) in filters.into_iter().enumerate() {
+        let (scale, logit) = (plain.scales_log[i], plain.opacity_logits[i]);
+        if i == 0 || filter.is_nan() {
+            assert_eq!((read.scales_log[i], read.opacity_logits[i]), (scale, logit));
+            continue;
+        }
+        let own = scale.to_array().map(|s| f64::from(s).exp());
+        let wide = own.map(|s| s.hypot(f64::from(filter)));
+        let found = read.scales_log[i].to_array().map(|s| f64::from(s).exp());
+        let near = |(a, b): (f64, f64)| (a / b - 1.0).abs() < 1e-6;
+        assert!(found.into_iter().zip(wide).all(near), "{found:?} {wide:?}");
+        let opacity = |logit: f32| 1.0 / (1.0 + (-f64::from(logit)).exp());
+        let share: f64 = own.iter().zip(wide).map(|(a, b)| a / b).product();
+        let found = opacity(read.opacity_logits[i]);
+        assert!(
+            (found / (opacity(logit) * share) - 1.0).abs() < 1e-5,
+            "{found}"
+        );
+    }
+}
+
 /// The error of reading these bytes as Gaussians, which must name the file and take one line.
 fn ply_error(bytes: &[u8]) -> String {
     let (_folder, path) = scratch("bad.ply");

@@ -24,6 +24,7 @@ mod hard;
 mod masked;
 mod memory;
 mod metrics;
+mod moved;
 mod page;
 mod peers;
 mod plot;

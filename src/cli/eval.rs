@@ -1,6 +1,6 @@
 //! `gspotential eval`
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -13,6 +13,7 @@ use crate::report::{
     ComparedRun, Comparison, check_protocols, evaluation_table, runs_csv, runs_json,
 };
 use crate::run::RunDir;
+use crate::scene::SceneSource;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -20,6 +21,7 @@ Examples:
   gspotential eval runs/* --lpips-weights lpips_vgg.safetensors --csv runs.csv > table.md
   gspotential eval runs/garden-* --html garden.html
   gspotential eval runs/garden --align fit
+  gspotential eval runs/garden --scene /mnt/elsewhere/garden
 
 A run is rendered and measured unless its eval.json is that of its model, config and scene as they
 are, of this version, and has what is asked for. PSNR and SSIM are 3DGS's. n/a: not measured.
@@ -39,6 +41,13 @@ pub struct EvalArgs {
     /// Run directories that `gspotential train` wrote
     #[arg(value_name = "RUN", required = true)]
     runs: Vec<PathBuf>,
+
+    /// The folder to which the runs' scene has moved since it was trained on
+    ///
+    /// It is checked to be the same scene: names, sizes, lenses and poses of the views, and the
+    /// cloud.
+    #[arg(long, value_name = "DIR")]
+    scene: Option<PathBuf>,
 
     #[command(flatten)]
     measure: MeasureArgs,
@@ -122,8 +131,12 @@ impl EvalArgs {
         let mut runs = Vec::with_capacity(self.runs.len());
         let mut protocols = Vec::with_capacity(self.runs.len());
         let mut seen = Vec::with_capacity(self.runs.len());
+        let scene = self.scene.as_deref().map(moved_scene).transpose()?;
         for root in &self.runs {
-            let run = RunDir::open(root)?;
+            let mut run = RunDir::open(root)?;
+            if let Some(dir) = &scene {
+                run = run.with_scene_in(dir);
+            }
             let full = root.canonicalize().unwrap_or_else(|_| root.clone());
             if seen.contains(&full) {
                 return Err(Error::usage("is named twice").at_path(root));
@@ -154,5 +167,13 @@ impl EvalArgs {
             super::check_output(path, self.overwrite)?;
         }
         Ok(())
+    }
+}
+
+/// The absolute folder that `--scene` names.
+fn moved_scene(dir: &Path) -> Result<PathBuf> {
+    match SceneSource::Folder(dir.to_owned()).resolved()? {
+        SceneSource::Folder(dir) => Ok(dir),
+        SceneSource::Builtin { .. } => Err(Error::usage("the built-in scene is everywhere")),
     }
 }

@@ -118,7 +118,7 @@ impl Stored {
 /// Reads Gaussians in the file's own frame; [`Stored::to_canonical`] takes them to another.
 ///
 /// Properties may come in any order and beside others; values are taken as they are, finite or
-/// not. Memory is bounded by the file's size.
+/// not, but for Mip-Splatting's `filter_3D`, which is made part of scales and opacity. Memory is bounded by the file's size.
 ///
 /// # Errors
 /// A file that is no such PLY, naming the header's line, the missing property, or the byte at
@@ -180,14 +180,37 @@ fn parse(bytes: &[u8]) -> Result<(Gaussians, usize)> {
         gaussians
             .means
             .push(Vec3::from_array(layout.mean.map(float)));
-        gaussians
-            .scales_log
-            .push(Vec3::from_array(layout.scale.map(float)));
+        let stored = (
+            Vec3::from_array(layout.scale.map(float)),
+            float(layout.opacity),
+        );
+        let (scale_log, opacity_logit) = match layout.filter {
+            Some(filter) => smoothed(stored, float(filter)),
+            None => stored,
+        };
+        gaussians.scales_log.push(scale_log);
         gaussians.rotations_wxyz.push(layout.rotation.map(float));
-        gaussians.opacity_logits.push(float(layout.opacity));
+        gaussians.opacity_logits.push(opacity_logit);
         gaussians.sh.extend(layout.sh.iter().map(|o| float(*o)));
     }
     Ok((gaussians, start))
+}
+
+/// A Gaussian convolved with Mip-Splatting's smoothing filter (Yu et al. 2024, equation 7), a Gaussian
+/// of standard deviation `filter`, which files of that method hold beside and other viewers know
+/// nothing of: variances add up, and opacity goes down by the square root of the determinants' ratio.
+fn smoothed((scale_log, opacity_logit): (Vec3, f32), filter: f32) -> (Vec3, f32) {
+    let variance = f64::from(filter).powi(2);
+    if !(variance > 0.0 && variance.is_finite()) {
+        return (scale_log, opacity_logit);
+    }
+    let own = (2.0 * scale_log.as_dvec3()).exp();
+    let wider = own + variance;
+    let share = (own / wider).to_array().iter().product::<f64>().sqrt();
+    let opacity = share / (1.0 + (-f64::from(opacity_logit)).exp());
+    let logit = (opacity / (1.0 - opacity)).ln();
+    let wider_log = DVec3::from(wider.to_array().map(|v| 0.5 * v.ln()));
+    (wider_log.as_vec3(), logit as f32)
 }
 
 /// The vertex element, and the byte at which its rows start.
@@ -212,6 +235,8 @@ struct Layout {
     scale: [usize; 3],
     rotation: [usize; 4],
     opacity: usize,
+    /// Mip-Splatting's `filter_3D`.
+    filter: Option<usize>,
     /// In the order `[k][c]`.
     sh: Vec<usize>,
     sh_degree: u32,
@@ -272,6 +297,10 @@ impl Layout {
                 offset("rot_3")?,
             ],
             opacity: offset("opacity")?,
+            filter: match properties.iter().any(|p| p.0 == "filter_3D") {
+                true => Some(offset("filter_3D")?),
+                false => None,
+            },
             sh,
             sh_degree,
         })

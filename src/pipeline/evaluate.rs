@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use super::align::{self};
+use super::align;
 use super::job::cloud_of;
 use super::measure::{Clouds, Seen, measure, measured};
+use super::moved::check_same;
 use super::prepare::carved;
 use super::{TrainJob, focus_of};
 use crate::error::{Error, Result};
@@ -71,10 +72,15 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
         .at_path(run.root())
         .way_out("evaluate it with the version that made it"));
     }
-    let job =
-        TrainJob::recorded(&metrics.scene, config.clone()).map_err(|e| e.at_path(run.root()))?;
+    let job = TrainJob::recorded(&metrics.scene, config.clone()).map_err(|e| {
+        e.at_path(run.root())
+            .way_out("name the folder to which the scene has moved with --scene DIR")
+    })?;
     let stamp = stamp_of(&metrics.scene)?;
     let scene = job.load_again().map_err(|e| e.at_path(run.root()))?;
+    if run.has_moved_scene() {
+        check_same(run, &metrics, &scene).map_err(|e| e.at_path(run.root()))?;
+    }
     if scene.pose_protocol != protocol {
         return Err(Error::new(format!(
             "the scene's test cameras are {}, and were {protocol}",

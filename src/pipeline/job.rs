@@ -109,6 +109,7 @@ pub(super) fn record(scene: &Scene, job: &TrainJob) -> SceneRecord {
         train_views: names(&scene.train),
         test_views: names(&scene.test),
         n_points: scene.cloud.len(),
+        cloud_crc32: Some(scene.cloud.crc32()),
         carved_points: None,
         pose_protocol: scene.pose_protocol,
     }

@@ -9,6 +9,7 @@ mod job;
 mod keep;
 mod measure;
 mod memory;
+mod moved;
 mod orbit;
 mod prepare;
 mod profile;

@@ -65,6 +65,8 @@ pub struct RunDir {
     root: PathBuf,
     /// Where this process writes the run.
     lock: Option<Arc<RunLock>>,
+    /// Where its scene is now, if that is not where it was.
+    scene: Option<PathBuf>,
 }
 
 impl RunDir {
@@ -95,6 +97,7 @@ impl RunDir {
         let run = RunDir {
             root: root.to_owned(),
             lock: Some(Arc::new(lock)),
+            scene: None,
         };
         // What is left of an interrupted start is always known as a run, for its config, and never
         // as a finished one.
@@ -121,6 +124,7 @@ impl RunDir {
         Ok(RunDir {
             root: root.to_owned(),
             lock: None,
+            scene: None,
         })
     }
 
@@ -137,8 +141,25 @@ impl RunDir {
     pub fn claimed(&self) -> Result<RunDir> {
         match self.lock {
             Some(_) => Ok(self.clone()),
-            None => Self::claim(&self.root),
+            None => Ok(RunDir {
+                scene: self.scene.clone(),
+                ..Self::claim(&self.root)?
+            }),
         }
+    }
+
+    /// This run with its scene in the folder `dir`, where it has moved since: [`RunDir::metrics`]
+    /// names it, and a cloud beside it, there.
+    pub fn with_scene_in(self, dir: &Path) -> RunDir {
+        RunDir {
+            scene: Some(dir.to_owned()),
+            ..self
+        }
+    }
+
+    /// Whether the scene is looked for in another folder than it was trained on.
+    pub fn has_moved_scene(&self) -> bool {
+        self.scene.is_some()
     }
 
     /// Whether training and evaluation have ended; `metrics.json` is written last.
@@ -227,7 +248,11 @@ impl RunDir {
                 .at_path(&self.root.join("metrics.json"))
                 .way_out(format!("go on with `gspotential train --resume {root}`")));
         }
-        self.read_json("metrics.json")
+        let mut metrics: Metrics = self.read_json("metrics.json")?;
+        if let Some(dir) = &self.scene {
+            metrics.scene.moved_to(dir);
+        }
+        Ok(metrics)
     }
 
     pub fn write_profile(&self, profile: &RunProfile) -> Result<()> {

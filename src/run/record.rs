@@ -2,6 +2,8 @@
 //!
 //! Everything that may differ between two equal runs is under `seconds` and `memory`.
 
+use std::path::Path;
+
 use serde::{Deserialize, Serialize};
 
 use crate::scene::PoseProtocol;
@@ -65,9 +67,24 @@ pub struct SceneRecord {
     pub test_views: Vec<String>,
     /// Points in the cloud as loaded.
     pub n_points: usize,
+    /// Of their places, colours and confidences; null in files of older versions.
+    #[serde(default)]
+    pub cloud_crc32: Option<u32>,
     /// Points that each round of carving removed; null where it was off.
     pub carved_points: Option<Vec<usize>>,
     pub pose_protocol: PoseProtocol,
+}
+
+impl SceneRecord {
+    /// Names the scene in the folder `dir`, and a cloud that lay in its old folder there, too.
+    pub(super) fn moved_to(&mut self, dir: &Path) {
+        if let Some(cloud) = &mut self.cloud
+            && let Ok(within) = Path::new(&cloud).strip_prefix(&self.source)
+        {
+            *cloud = dir.join(within).display().to_string();
+        }
+        self.source = dir.display().to_string();
+    }
 }
 
 /// What an unfinished run is asked for beyond its config.

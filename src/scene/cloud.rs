@@ -24,7 +24,7 @@ const CENTER_TOLERANCE: f64 = 1e-6;
 /// Files that cannot be read or parsed, with the byte or line.
 pub fn read_cloud(path: &Path) -> Result<PointCloud> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
-    let read = match extension {
+    let read = match extension.to_ascii_lowercase().as_str() {
         "ply" => read_ply,
         "bin" => read_points_binary,
         "txt" => read_points_text,
@@ -80,17 +80,25 @@ pub(super) fn clean(cloud: &mut PointCloud, cameras: &[Camera], warnings: &mut V
     }
 }
 
-/// The greatest distance of a camera centre from their mean; for cameras that coincide, the
-/// median distance of the points from them.
+/// The median distance of the camera centres from the middle of them, or of the points from there
+/// where most cameras coincide: a camera far away, used or not, changes neither.
 fn camera_extent(centers: &[DVec3], points: &[DVec3]) -> f64 {
-    let mean = centers.iter().sum::<DVec3>() / centers.len().max(1) as f64;
-    let extent = centers.iter().map(|c| c.distance(mean)).fold(0.0, f64::max);
-    if extent > 0.0 || points.is_empty() {
-        return extent;
+    let axis = |i: usize| median(centers.iter().map(|c| c[i]).collect());
+    let middle = DVec3::new(axis(0), axis(1), axis(2));
+    let spread = |places: &[DVec3]| median(places.iter().map(|p| p.distance(middle)).collect());
+    match spread(centers) {
+        extent if extent > 0.0 => extent,
+        _ => spread(points),
     }
-    let mut distances: Vec<f64> = points.iter().map(|p| p.distance(mean)).collect();
-    let middle = distances.len() / 2;
-    *distances.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// The upper middle of the values; 0 of none.
+fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 /// At most `n` points of `cloud`, in its order: one drawn at random from each of `n` equal

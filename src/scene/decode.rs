@@ -4,24 +4,37 @@ use image::imageops::{FilterType, resize};
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, RgbImage};
 
-use super::image_file::{decoded, open_image, same_aspect};
+use super::fitted::{Fit, Fitted, fitted};
+use super::image_file::{decoded, open_image};
 use super::images::PosedImage;
 use super::layout::PosedCamera;
 use super::masks::{Levels, Masks, Unbelieved};
 use super::undistort::Undistortion;
 use super::{Image, LoadOptions, View};
-use crate::camera::{Camera, bounded_size};
+use crate::camera::bounded_size;
 use crate::error::{Error, Result};
 use crate::files::read_file;
 
-/// A view, and the size that its camera had been given if the photograph has another one.
+/// A view, and what was done to it.
 pub(super) struct Decoded {
     pub view: View,
-    pub rescaled_from: Option<(u32, u32)>,
     /// Why its alpha channel is no mask, where it has one that is none.
     pub unbelieved: Option<Unbelieved>,
     /// Whether its EXIF data ask for it to be turned for display.
     pub is_turned: bool,
+    pub fit: Fit,
+    /// The size that its camera had been given.
+    pub stated: (u32, u32),
+    /// Of a fisheye photograph.
+    pub cut: Option<Cut>,
+}
+
+/// What the pinhole image of a fisheye photograph shows.
+pub(super) struct Cut {
+    /// Angle across its width and height, degrees.
+    pub angles: [f64; 2],
+    /// Of the photograph's area.
+    pub shown: f64,
 }
 
 /// Decodes the photograph and its mask, which is that of `masks` or else the photograph's alpha
@@ -32,8 +45,8 @@ pub(super) struct Decoded {
 ///
 /// # Errors
 ///
-/// Files that are unreadable, no PNG or JPEG, damaged or too large; photographs whose size is
-/// not that of their camera in another resolution, or whose distortion cannot be undone; masks
+/// Files that are unreadable, of no format that is read, damaged or too large; photographs that do not
+/// fit their camera as [`fitted`] has it, or whose distortion cannot be undone; masks
 /// that are none.
 pub(super) fn decode(
     photograph: &PosedImage,
@@ -42,17 +55,21 @@ pub(super) fn decode(
 ) -> Result<Decoded> {
     let PosedImage { posed, path } = photograph;
     let here = |e: Error| e.at_path(path);
-    let (image, is_turned) = decode_bytes(&read_file(path)?, &posed.camera).map_err(here)?;
-    let size = (image.width(), image.height());
-    let stated = (posed.camera.width, posed.camera.height);
-    let file = masks.file(&posed.camera.name);
+    let (image, Fitted { mut camera, how }, is_turned) =
+        decode_bytes(&read_file(path)?, posed).map_err(here)?;
+    let file = posed
+        .mask
+        .clone()
+        .or_else(|| masks.file(&posed.camera.name));
     let (mut mask, unbelieved) = Levels::of(file, &image, options.outside_mask)?;
     let mut image = image.into_rgb8();
     if let Some(mask) = &mask {
         mask.cut_out(&mut image, options.background);
     }
-    let mut camera = posed.camera.clone();
-    if let Some(undistortion) = undistortion(posed, size).map_err(here)? {
+    let mut cut = None;
+    if let Some(distortion) = posed.distortion {
+        let undistortion = Undistortion::new(camera, distortion).map_err(here)?;
+        cut = distortion.fisheye.then(|| undistortion.cut());
         image = undistortion.apply(&image);
         mask = mask.map(|mask| Levels {
             levels: undistortion.apply(&mask.levels),
@@ -70,26 +87,21 @@ pub(super) fn decode(
             image: from_rgb(image),
             mask: mask.map(|mask| mask.mask(target)),
         },
-        rescaled_from: (stated != size).then_some(stated),
+        fit: how,
+        stated: (posed.camera.width, posed.camera.height),
+        cut,
         unbelieved,
         is_turned,
     })
 }
 
-/// What a photograph of `size` pixels needs to become a pinhole camera's, if anything.
-fn undistortion(posed: &PosedCamera, size: (u32, u32)) -> Result<Option<Undistortion>> {
-    let camera = posed.camera.resized(size.0, size.1);
-    let distortion = posed.distortion;
-    distortion.map(|d| Undistortion::new(camera, d)).transpose()
-}
-
-/// The photograph, which has its camera's shape, at full size, and whether its EXIF data would have it
+/// The photograph at full size, the camera of all of it, and whether its EXIF data would have it
 /// turned.
-fn decode_bytes(bytes: &[u8], camera: &Camera) -> Result<(DynamicImage, bool)> {
+fn decode_bytes(bytes: &[u8], posed: &PosedCamera) -> Result<(DynamicImage, Fitted, bool)> {
     let (mut decoder, (width, height)) = open_image(bytes)?;
-    let stated = (camera.width, camera.height);
-    if !same_aspect(stated, (width, height)) {
-        let turned = same_aspect((camera.height, camera.width), (width, height));
+    let camera = &posed.camera;
+    let Some(fitted) = fitted(camera, (width, height)) else {
+        let turned = fitted(camera, (height, width)).is_some();
         return Err(Error::new(format!(
             "the image is {width}x{height} pixels but its camera is {}x{}",
             camera.width, camera.height
@@ -99,10 +111,11 @@ fn decode_bytes(bytes: &[u8], camera: &Camera) -> Result<(DynamicImage, bool)> {
         } else {
             "use the images that the model was made from, or the same at another resolution"
         }));
-    }
+    };
     // Broken EXIF data ask for nothing.
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-    Ok((decoded(decoder)?, orientation != Orientation::NoTransforms))
+    let is_turned = orientation != Orientation::NoTransforms;
+    Ok((decoded(decoder)?, fitted, is_turned))
 }
 
 fn from_rgb(image: RgbImage) -> Image {

@@ -1,11 +1,13 @@
 //! Image files: what the header tells is checked before any pixel is decoded.
 
 use std::io::Cursor;
+use std::path::Path;
 
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use super::jpeg::check_whole;
 use crate::error::{Error, Result};
+use crate::files::read_file;
 
 /// Longest side of a photograph, pixels.
 const MAX_SIDE: u32 = 16_384;
@@ -16,7 +18,11 @@ const MAX_BYTES: u64 = 1 << 30;
 /// of every component.
 const MAX_GAIN: u64 = 24 * 1032;
 
-/// A PNG or JPEG ready to be decoded, and its size: everything that the header tells is checked
+/// However little a file has, an image of this many bytes may be in it: WEBP writes one of a single
+/// colour in some tens of bytes.
+const SMALL: u64 = 8 << 20;
+
+/// A photograph ready to be decoded, and its size: everything that the header tells is checked
 /// before any pixel is decoded.
 pub(super) fn open_image(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, (u32, u32))> {
     if bytes.is_empty() {
@@ -25,8 +31,13 @@ pub(super) fn open_image(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, (u32, 
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
         .map_err(|e| undecodable(e.into()))?;
-    if !matches!(reader.format(), Some(ImageFormat::Png | ImageFormat::Jpeg)) {
-        return Err(Error::new("neither a PNG nor a JPEG image").way_out("convert it to PNG"));
+    use ImageFormat::{Bmp, Jpeg, Png, Tiff, WebP};
+    if !matches!(reader.format(), Some(Png | Jpeg | WebP | Tiff | Bmp)) {
+        return Err(Error::new(format!(
+            "neither a PNG nor a JPEG, WEBP, TIFF or BMP image{}",
+            other_kind(bytes).map_or(String::new(), |kind| format!(" but {kind}"))
+        ))
+        .way_out("convert it to PNG or JPEG"));
     }
     check_whole(bytes)?;
     let mut limits = Limits::default();
@@ -44,7 +55,8 @@ pub(super) fn open_image(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, (u32, 
         .way_out("scale it down"));
     }
     // A header of some bytes may claim any size, and decoders believe it before they look further.
-    if decoder.total_bytes() / MAX_GAIN > bytes.len() as u64 {
+    let is_small = decoder.total_bytes() <= SMALL;
+    if !is_small && decoder.total_bytes() / MAX_GAIN > bytes.len() as u64 {
         return Err(Error::new(format!(
             "the header tells of {width}x{height} pixels, which a file of {} bytes cannot hold",
             bytes.len()
@@ -62,9 +74,41 @@ pub(super) fn decoded(decoder: impl ImageDecoder) -> Result<DynamicImage> {
     DynamicImage::from_decoder(decoder).map_err(undecodable)
 }
 
+/// What a file is that is not read, by how it begins: suffixes say little of what was renamed.
+fn other_kind(bytes: &[u8]) -> Option<&'static str> {
+    let brand = bytes.get(4..12).unwrap_or_default();
+    Some(match bytes {
+        _ if brand == b"ftypavif" => "an AVIF",
+        _ if brand == b"ftypcrx " => "a raw photograph (CR3)",
+        _ if [b"ftypheic", b"ftypheix", b"ftypmif1", b"ftypmsf1"]
+            .iter()
+            .any(|b| *b == brand) =>
+        {
+            "a HEIC"
+        }
+        [b'G', b'I', b'F', b'8', ..] => "a GIF",
+        [0xff, 0x0a, ..] | [0, 0, 0, 0x0c, b'J', b'X', b'L', ..] => "a JPEG XL",
+        [b'8', b'B', b'P', b'S', ..] => "a Photoshop file",
+        [b'v', b'e', b'r', b's', b'i', b'o', b'n', ..] => "a link to a file in Git LFS",
+        [b'<', ..] => "a web page",
+        _ => return None,
+    })
+}
+
+/// Width and height of the photograph in `path`, by its content.
+///
+/// # Errors
+/// As of [`open_image`].
+pub(super) fn size_of(path: &Path) -> Result<(u32, u32)> {
+    let bytes = read_file(path)?;
+    open_image(&bytes)
+        .map(|(_, size)| size)
+        .map_err(|e| e.at_path(path))
+}
+
 fn undecodable(e: image::ImageError) -> Error {
     Error::new(format!("cannot decode the image: {e}")).way_out(format!(
-        "give PNG or JPEG files of at most {MAX_SIDE} pixels a side"
+        "give PNG, JPEG, WEBP, TIFF or BMP files of at most {MAX_SIDE} pixels a side"
     ))
 }
 

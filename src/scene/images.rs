@@ -4,10 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use super::layout::PosedCamera;
+use super::lookup::{Folder, How, Lookup, folded};
 use crate::error::{Error, Result};
-
-/// File extensions that are listed as photographs.
-const EXTENSIONS: [&str; 3] = ["jpg", "jpeg", "png"];
 
 /// A camera and the file of its photograph; the camera is named after the file.
 #[derive(Clone, Debug)]
@@ -25,6 +23,27 @@ pub(super) struct Matched {
     pub without_image: BTreeSet<String>,
     /// Names of photographs that have no pose.
     pub without_pose: BTreeSet<String>,
+}
+
+impl Matched {
+    /// Whether a name is that of some view, pose or photograph.
+    pub fn knows(&self, name: &str) -> bool {
+        let known = self.without_image.contains(name) || self.without_pose.contains(name);
+        known || self.index(name).is_some()
+    }
+
+    /// The view of a name, or else the only one whose name differs in spelling alone.
+    pub fn index(&self, name: &str) -> Option<usize> {
+        if let Some(&index) = self.by_name.get(name) {
+            return Some(index);
+        }
+        let alike = self
+            .by_name
+            .iter()
+            .filter(|(n, _)| folded(n) == folded(name));
+        let indices: BTreeSet<usize> = alike.map(|(_, &index)| index).collect();
+        indices.first().copied().filter(|_| indices.len() == 1)
+    }
 }
 
 /// Refuses image names that would leave the image folder or break what prints them.
@@ -53,128 +72,158 @@ pub(super) fn check_relative(kind: &str, name: &str) -> Result<()> {
     )
 }
 
-/// Finds each camera's photograph in `dir` by name. Where `x.png` is missing but exactly one
-/// photograph has the stem `x`, that one is taken: DUSt3R pipelines name every image with the
-/// first one's suffix. Poses and photographs without their counterpart are counted in `warnings`.
+/// Finds each camera's photograph in `dir` by name, as [`Folder::find`] does: a file that is some
+/// pose's by its own path is no other's, and one that two poses could mean is neither's. DUSt3R
+/// pipelines, for one, name every image with the first one's suffix. Poses and photographs without
+/// their counterpart are counted in `warnings`.
 ///
 /// # Errors
 ///
-/// No such folder, no photograph in it that has a pose.
+/// No such folder, no photograph in it that has a pose, or a photograph whose camera is among the
+/// `unusable`.
 pub(super) fn match_images(
-    cameras: Vec<PosedCamera>,
-    dir: &Path,
+    (cameras, unusable): (Vec<PosedCamera>, Vec<(String, Error)>),
+    (scene, dir): (&Path, &Path),
     warnings: &mut Vec<String>,
 ) -> Result<Matched> {
-    let mut files = BTreeSet::new();
-    list_images(dir, "", &mut files)?;
-    let n_files = files.len();
-    let n_cameras = cameras.len();
-
-    // Photographs with a pose of their own name are not up for substitution.
-    let mut without_pose = files.clone();
-    for posed in &cameras {
-        without_pose.remove(&posed.camera.name);
-    }
-    let mut by_stem: BTreeMap<String, Vec<String>> = BTreeMap::new();
-    for name in &without_pose {
-        by_stem
-            .entry(stem(name).to_owned())
-            .or_default()
-            .push(name.clone());
-    }
-
-    let mut matched = Matched {
-        views: Vec::with_capacity(n_cameras),
-        by_name: BTreeMap::new(),
-        without_image: BTreeSet::new(),
-        without_pose,
-    };
-    let mut substituted = Vec::new();
-    for mut posed in cameras {
-        let posed_name = posed.camera.name.clone();
-        if !files.contains(&posed_name) {
-            match by_stem.remove(stem(&posed_name)).as_deref() {
-                Some([only]) => {
-                    substituted.push(format!("`{only}` for `{posed_name}`"));
-                    matched.without_pose.remove(only);
-                    posed.camera.name.clone_from(only);
-                }
-                _ => {
-                    matched.without_image.insert(posed_name);
-                    continue;
-                }
-            }
-        }
-        let index = matched.views.len();
-        matched.by_name.insert(posed.camera.name.clone(), index);
-        matched.by_name.insert(posed_name, index);
-        let path = dir.join(&posed.camera.name);
-        matched.views.push(PosedImage { posed, path });
-    }
-
-    let first = |names: &BTreeSet<String>| names.first().cloned().unwrap_or_default();
-    if matched.views.is_empty() {
-        return Err(Error::new(format!(
-            "none of the {n_cameras} posed images (`{}`, ...) is among the {n_files} images here",
-            first(&matched.without_image)
-        ))
-        .at_path(dir)
-        .way_out("images are matched to poses by name: put those that were posed here"));
-    }
-    if let Some(example) = substituted.first() {
-        warnings.push(format!(
-            "{} images taken by their stem as their suffix differs from the pose's: {example}{}",
-            substituted.len(),
-            if substituted.len() > 1 { ", ..." } else { "" }
-        ));
-    }
-    for (names, what) in [
-        (&matched.without_image, "poses have no image"),
-        (&matched.without_pose, "images have no pose"),
-    ] {
-        if !names.is_empty() {
-            warnings.push(format!(
-                "{} {what} and are not used: `{}`{}",
-                names.len(),
-                first(names).escape_debug(),
-                if names.len() > 1 { ", ..." } else { "" }
-            ));
-        }
-    }
-    Ok(matched)
-}
-
-/// The name without its suffix.
-pub(super) fn stem(name: &str) -> &str {
-    name.rsplit_once('.').map_or(name, |(stem, _)| stem)
-}
-
-/// Adds the photographs in `dir` and its subfolders as `prefix` + name, with `/` between.
-fn list_images(dir: &Path, prefix: &str, names: &mut BTreeSet<String>) -> Result<()> {
-    let failed = |e: std::io::Error| {
+    std::fs::read_dir(dir).map_err(|e| {
         Error::new(format!("cannot list the images: {e}"))
             .at_path(dir)
             .way_out("put the photographs into `images/`")
-    };
-    for entry in std::fs::read_dir(dir).map_err(failed)? {
-        let entry = entry.map_err(failed)?;
-        // Poses are UTF-8, so a file whose name is not can have none.
-        let Ok(file_name) = entry.file_name().into_string() else {
-            continue;
-        };
-        let name = format!("{prefix}{file_name}");
-        // Links to folders are not followed: they may lead in circles.
-        if entry.file_type().map_err(failed)?.is_dir() {
-            list_images(&entry.path(), &format!("{name}/"), names)?;
-        } else if is_photograph(&entry.path()) {
-            names.insert(name);
+    })?;
+    let folder = Folder::new(dir);
+    let names: Vec<&str> = cameras.iter().map(|c| c.camera.name.as_str()).collect();
+    let own: BTreeSet<&str> = names.iter().copied().filter(|n| folder.has(n)).collect();
+    let lookups: Vec<Lookup> = names
+        .iter()
+        .map(|name| folder.find(name, |file| file == *name || !own.contains(file)))
+        .collect();
+    for (name, error) in unusable {
+        if let Lookup::Found(..) = folder.find(&name, |file| !own.contains(file)) {
+            return Err(error);
         }
     }
-    Ok(())
+    let mut n_claims: BTreeMap<&str, usize> = BTreeMap::new();
+    for lookup in &lookups {
+        if let Lookup::Found(file, _) = lookup {
+            *n_claims.entry(file).or_default() += 1;
+        }
+    }
+    let (files, unread) = listed(&folder, scene == dir, &names);
+    let mut matched = Matched {
+        views: Vec::with_capacity(cameras.len()),
+        by_name: BTreeMap::new(),
+        without_image: BTreeSet::new(),
+        without_pose: files.iter().cloned().collect(),
+    };
+    let mut substituted: BTreeMap<How, Vec<String>> = BTreeMap::new();
+    for (name, lookup) in names.iter().zip(&lookups) {
+        match lookup {
+            Lookup::Found(file, how) if n_claims.get(file.as_str()) == Some(&1) => {
+                matched.without_pose.remove(file);
+                if *how != How::Path {
+                    let example = format!("`{file}` for `{}`", name.escape_debug());
+                    substituted.entry(*how).or_default().push(example);
+                }
+            }
+            _ => {
+                matched.without_image.insert((*name).to_owned());
+            }
+        }
+    }
+    let (n_files, n_cameras) = (files.len(), cameras.len());
+    let unread: BTreeSet<String> = unread.into_iter().collect();
+    for (mut posed, lookup) in cameras.into_iter().zip(&lookups) {
+        let posed_name = posed.camera.name.clone();
+        let Lookup::Found(file, _) = lookup else {
+            continue;
+        };
+        if matched.without_image.contains(&posed_name) {
+            continue;
+        }
+        posed.camera.name.clone_from(file);
+        let index = matched.views.len();
+        matched.by_name.insert(file.clone(), index);
+        matched.by_name.insert(posed_name, index);
+        let path = dir.join(file);
+        matched.views.push(PosedImage { posed, path });
+    }
+    if matched.views.is_empty() {
+        let mut way_out =
+            "images are matched to poses by name: put those that were posed here".to_owned();
+        if let Some(first) = unread.first() {
+            way_out = format!(
+                "{} lie there in formats that are not read (`{first}`): convert them to JPEG or PNG",
+                unread.len()
+            );
+        }
+        return Err(Error::new(format!(
+            "none of the {n_cameras} posed images (`{}`, ...) is among the {n_files} images here",
+            matched.without_image.first().map_or("", |name| name)
+        ))
+        .at_path(dir)
+        .way_out(way_out));
+    }
+    tell(&matched, &substituted, &unread, warnings);
+    Ok(matched)
 }
 
-fn is_photograph(path: &Path) -> bool {
-    let extension = path.extension().and_then(|e| e.to_str());
-    extension.is_some_and(|e| EXTENSIONS.iter().any(|known| e.eq_ignore_ascii_case(known)))
-        && path.is_file()
+/// The photographs that may have a pose, those that are not read apart. In the scene's own folder,
+/// which holds other pictures, too, only what lies beside posed ones counts.
+fn listed(folder: &Folder, is_scene: bool, names: &[&str]) -> (Vec<String>, Vec<String>) {
+    if !is_scene {
+        return folder.photographs();
+    }
+    let place = |name: &&str| {
+        name.rsplit_once('/')
+            .map_or(String::new(), |(p, _)| format!("{p}/"))
+    };
+    let places: BTreeSet<String> = names.iter().map(place).collect();
+    let mut found = (Vec::new(), Vec::new());
+    for place in &places {
+        folder.photographs_in(place, &mut found);
+    }
+    found
+}
+
+/// Counts what was assumed and left out in `warnings`.
+fn tell(
+    matched: &Matched,
+    substituted: &BTreeMap<How, Vec<String>>,
+    unread: &BTreeSet<String>,
+    warnings: &mut Vec<String>,
+) {
+    let more = |n: usize| if n > 1 { ", ..." } else { "" };
+    for (how, examples) in substituted {
+        let what = match how {
+            How::Stem => "by their stem as their suffix differs from the pose's",
+            How::Tail => "by the last parts of their name, as the pose's path is not here",
+            How::Path | How::Spelling => "though their name is spelt differently from the pose's",
+        };
+        let n = examples.len();
+        warnings.push(format!(
+            "{n} images taken {what}: {}{}",
+            examples[0],
+            more(n)
+        ));
+    }
+    for (names, what) in [
+        (
+            &matched.without_image,
+            "poses have no image and are not used",
+        ),
+        (
+            &matched.without_pose,
+            "images have no pose and are not used",
+        ),
+        (
+            unread,
+            "photographs are in formats that are not read and not used (convert them to JPEG or PNG)",
+        ),
+    ] {
+        if let Some(first) = names.first() {
+            let n = names.len();
+            warnings.push(format!("{n} {what}: `{}`{}", first.escape_debug(), more(n)));
+        }
+    }
 }

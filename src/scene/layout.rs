@@ -17,6 +17,9 @@ pub(super) struct Layout {
     pub source: String,
     /// Every pose, at the model's resolution and under the model's name for the image.
     pub cameras: Vec<PosedCamera>,
+    /// Names of posed images that cannot be used, and why not. One whose photograph is not there
+    /// is not judged.
+    pub unusable: Vec<(String, Error)>,
     /// Where the images are that the names are relative to.
     pub image_dir: PathBuf,
     /// The scene's own cloud, or the error that it has none.
@@ -34,6 +37,8 @@ pub(super) struct PosedCamera {
     pub distortion: Option<Distortion>,
     /// Whether the pose was interpolated between others, not found from the image.
     pub interpolated: bool,
+    /// The file of the image's mask, where the format names one.
+    pub mask: Option<PathBuf>,
 }
 
 /// Names of training and test views, and the file or folder that lists them.
@@ -58,12 +63,12 @@ pub(super) struct Intrinsics {
 }
 
 impl Intrinsics {
-    /// `params` are `[fx, fy, cx, cy]`, `distortion` is `[k1, k2, p1, p2]`.
+    /// `params` are `[fx, fy, cx, cy]`.
     ///
     /// # Errors
     ///
     /// Values that no camera has. Whether a distortion can be undone is seen when it is.
-    pub fn new(size: [f64; 2], params: [f64; 4], distortion: [f64; 4]) -> Result<Intrinsics> {
+    pub fn new(size: [f64; 2], params: [f64; 4], distortion: Distortion) -> Result<Intrinsics> {
         let [width, height] = size;
         let fits = |side: f64| (1.0..=MAX_SIDE).contains(&side) && side.fract() == 0.0;
         if !fits(width) || !fits(height) {
@@ -80,7 +85,7 @@ impl Intrinsics {
             fy,
             cx,
             cy,
-            distortion: Distortion::new(distortion)?,
+            distortion: distortion.checked()?,
         })
     }
 
@@ -100,6 +105,7 @@ impl Intrinsics {
             },
             distortion: self.distortion,
             interpolated: false,
+            mask: None,
         }
     }
 }

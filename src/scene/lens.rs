@@ -23,96 +23,182 @@ const BORDER_SLACK: f64 = 0.1;
 /// Lengths are rounded down to whole pixels once they miss the next one by more than this.
 const PIXEL_SLACK: f64 = 0.01;
 
-/// Distortion of Brown and Conrady, as OpenCV and COLMAP's `OPENCV` have it. With `x`, `y` the
-/// coordinates on the plane at depth 1 and `r^2 = x^2 + y^2`:
+/// A pinhole image of a fisheye photograph reaches this far to each side of the optical axis,
+/// `tan` of 55 degrees: towards 90 degrees it would grow without end, and all of it be stretched.
+const MAX_SLOPE: f64 = 1.428_148_006_742_114_4;
+
+/// Points on a side of the grid that measures how much of a photograph a pinhole image shows.
+const GRID: u32 = 48;
+
+/// What a lens makes of a ray, as OpenCV and COLMAP have it. With `x`, `y` the coordinates on the
+/// plane at depth 1 or, of a `fisheye`, these times `atan(r) / r`, and `s = x^2 + y^2`:
 ///
 /// ```text
-/// x' = x (1 + k1 r^2 + k2 r^4) + 2 p1 x y + p2 (r^2 + 2 x^2)
-/// y' = y (1 + k1 r^2 + k2 r^4) + 2 p2 x y + p1 (r^2 + 2 y^2)
+/// x' = x R + 2 p1 x y + p2 (s + 2 x^2) + sx s     R = (1 + k1 s + k2 s^2 + k3 s^3 + k4 s^4)
+/// y' = y R + 2 p2 x y + p1 (s + 2 y^2) + sy s         / (1 + d1 s + d2 s^2 + d3 s^3)
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
+///
+/// COLMAP's OPENCV has `k1 k2 p1 p2`; FULL_OPENCV also `k3` and the `d`; the fisheye models
+/// `k1` to `k4`, and THIN_PRISM_FISHEYE also `p` and `s`. The default is no distortion.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Distortion {
-    k1: f64,
-    k2: f64,
-    p1: f64,
-    p2: f64,
+    pub fisheye: bool,
+    /// `k1` to `k4`.
+    pub radial: [f64; 4],
+    /// `d1` to `d3`.
+    pub denominator: [f64; 3],
+    /// `p1`, `p2`.
+    pub tangential: [f64; 2],
+    /// `sx`, `sy`.
+    pub prism: [f64; 2],
 }
 
 impl Distortion {
-    /// From `[k1, k2, p1, p2]`; `None` where all are 0. Values that are not finite are refused.
-    pub fn new(coefficients: [f64; 4]) -> Result<Option<Distortion>> {
-        if let Some(bad) = coefficients.iter().find(|k| !k.is_finite()) {
+    /// OpenCV's first four coefficients, `[k1, k2, p1, p2]`.
+    pub fn opencv([k1, k2, p1, p2]: [f64; 4]) -> Distortion {
+        Distortion {
+            radial: [k1, k2, 0.0, 0.0],
+            tangential: [p1, p2],
+            ..Distortion::default()
+        }
+    }
+
+    /// OpenCV's fisheye model with `[k1, k2, k3, k4]`.
+    pub fn fisheye(radial: [f64; 4]) -> Distortion {
+        Distortion {
+            fisheye: true,
+            radial,
+            ..Distortion::default()
+        }
+    }
+
+    /// The distortion, or none where it leaves every ray as it is. Coefficients that are not finite
+    /// are refused.
+    pub fn checked(self) -> Result<Option<Distortion>> {
+        if let Some(bad) = self.coefficients().find(|k| !k.is_finite()) {
             return Err(Error::new(format!(
                 "distortion coefficient {bad} is not finite"
             )));
         }
-        let [k1, k2, p1, p2] = coefficients;
-        let none = coefficients.iter().all(|k| *k == 0.0);
-        Ok((!none).then_some(Distortion { k1, k2, p1, p2 }))
+        let distorts = self.fisheye || self.coefficients().any(|k| k != 0.0);
+        Ok(distorts.then_some(self))
     }
 
+    fn coefficients(&self) -> impl Iterator<Item = f64> {
+        let Distortion {
+            radial,
+            denominator,
+            tangential,
+            prism,
+            ..
+        } = *self;
+        let (radial, ends) = (radial.into_iter(), tangential.into_iter().chain(prism));
+        radial.chain(denominator).chain(ends)
+    }
+
+    /// Where the ray through `p` on the plane at depth 1 ends.
     pub fn distort(&self, p: DVec2) -> DVec2 {
-        let Self { k1, k2, p1, p2 } = *self;
-        let r2 = p.length_squared();
-        let xy = p.x * p.y;
-        let radial = 1.0 + r2 * (k1 + r2 * k2);
-        p * radial
+        let q = self.bent(p);
+        let [p1, p2] = self.tangential;
+        let r2 = q.length_squared();
+        let xy = q.x * q.y;
+        q * self.gain(r2).0
             + DVec2::new(
-                2.0 * p1 * xy + p2 * (r2 + 2.0 * p.x * p.x),
-                2.0 * p2 * xy + p1 * (r2 + 2.0 * p.y * p.y),
+                2.0 * p1 * xy + p2 * (r2 + 2.0 * q.x * q.x),
+                2.0 * p2 * xy + p1 * (r2 + 2.0 * q.y * q.y),
             )
+            + r2 * DVec2::from(self.prism)
     }
 
-    fn jacobian(&self, p: DVec2) -> DMat2 {
-        let Self { k1, k2, p1, p2 } = *self;
-        let r2 = p.length_squared();
-        let radial = 1.0 + r2 * (k1 + r2 * k2);
-        let slope = 2.0 * (k1 + 2.0 * r2 * k2);
-        let mixed = p.x * p.y * slope + 2.0 * (p1 * p.x + p2 * p.y);
+    /// The coordinates that the polynomials take: a fisheye's grow with the angle of the ray.
+    fn bent(&self, p: DVec2) -> DVec2 {
+        let r = p.length();
+        if self.fisheye && r > 0.0 {
+            p * (r.atan() / r)
+        } else {
+            p
+        }
+    }
+
+    /// Undoes [`Distortion::bent`]; none where the ray does not go forward.
+    fn straight(&self, q: DVec2) -> Option<DVec2> {
+        let angle = q.length();
+        if !self.fisheye || angle == 0.0 {
+            return Some(q);
+        }
+        (angle < std::f64::consts::FRAC_PI_2).then(|| q * (angle.tan() / angle))
+    }
+
+    /// `R` of the definition, and its derivative by `s`.
+    fn gain(&self, s: f64) -> (f64, f64) {
+        let [k1, k2, k3, k4] = self.radial;
+        let [d1, d2, d3] = self.denominator;
+        let above = 1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4)));
+        let above_slope = k1 + s * (2.0 * k2 + s * (3.0 * k3 + s * 4.0 * k4));
+        let below = 1.0 + s * (d1 + s * (d2 + s * d3));
+        let below_slope = d1 + s * (2.0 * d2 + s * 3.0 * d3);
+        // A denominator that passes 0 tears the image: it counts as folded.
+        if below <= 0.0 {
+            return (f64::NAN, f64::NAN);
+        }
+        let gain = above / below;
+        (gain, (above_slope - gain * below_slope) / below)
+    }
+
+    /// Of `x'`, `y'` by the coordinates that the polynomials take.
+    fn jacobian(&self, q: DVec2) -> DMat2 {
+        let ([p1, p2], [sx, sy]) = (self.tangential, self.prism);
+        let (radial, slope) = self.gain(q.length_squared());
+        let slope = 2.0 * slope;
+        let mixed = q.x * q.y * slope + 2.0 * (p1 * q.x + p2 * q.y);
         DMat2::from_cols(
             DVec2::new(
-                radial + p.x * p.x * slope + 2.0 * p1 * p.y + 6.0 * p2 * p.x,
-                mixed,
+                radial + q.x * q.x * slope + 2.0 * p1 * q.y + 6.0 * p2 * q.x + 2.0 * sx * q.x,
+                mixed + 2.0 * sy * q.x,
             ),
             DVec2::new(
-                mixed,
-                radial + p.y * p.y * slope + 6.0 * p1 * p.y + 2.0 * p2 * p.x,
+                mixed + 2.0 * sx * q.y,
+                radial + q.y * q.y * slope + 6.0 * p1 * q.y + 2.0 * p2 * q.x + 2.0 * sy * q.y,
             ),
         )
     }
 
-    /// Where the model is one-to-one on the way from the centre, the point that is distorted to
-    /// `goal`.
+    /// Where the model is one-to-one on the way from the centre, the point on the plane at depth 1
+    /// that is distorted to `goal`.
     fn undistort(&self, goal: DVec2) -> Option<DVec2> {
-        let mut p = DVec2::ZERO;
+        let mut q = DVec2::ZERO;
         for step in 1..=STEPS {
-            let before = p;
-            p = self.newton(before, goal * (f64::from(step) / f64::from(STEPS)))?;
+            let before = q;
+            q = self.newton(before, goal * (f64::from(step) / f64::from(STEPS)))?;
             let is_open = |k: i32| {
-                let between = before.lerp(p, f64::from(k) / 4.0);
+                let between = before.lerp(q, f64::from(k) / 4.0);
                 self.jacobian(between).determinant() > 0.0
             };
             if !(1..=4).all(is_open) {
                 return None;
             }
         }
-        Some(p)
+        self.straight(q)
     }
 
-    /// Newton's method from `start`.
+    /// Newton's method from `start`, in the coordinates that the polynomials take.
     fn newton(&self, start: DVec2, goal: DVec2) -> Option<DVec2> {
-        let mut p = start;
+        let unbent = Distortion {
+            fisheye: false,
+            ..*self
+        };
+        let mut q = start;
         for _ in 0..20 {
-            let residual = self.distort(p) - goal;
+            let residual = unbent.distort(q) - goal;
             if residual.length() <= 1e-12 * (1.0 + goal.length()) {
-                return Some(p);
+                return Some(q);
             }
-            let jacobian = self.jacobian(p);
+            let jacobian = self.jacobian(q);
             let is_open = jacobian.determinant() > 0.0;
             if !is_open {
                 return None;
             }
-            p -= jacobian.inverse() * residual;
+            q -= jacobian.inverse() * residual;
         }
         None
     }
@@ -120,18 +206,29 @@ impl Distortion {
 
 /// The camera of a distorted image once it is undistorted. Focal lengths and pose stay, so that
 /// the centre keeps its resolution; the image is bounded by the innermost point of each side of
-/// the undistorted photograph, so that every pixel of it was photographed.
+/// the undistorted photograph, so that every pixel of it was photographed, and a fisheye's by
+/// [`MAX_SLOPE`], too.
 ///
 /// # Errors
 ///
 /// A model that folds the image onto itself, or leaves next to nothing of it.
 pub(super) fn pinhole(camera: &Camera, distortion: &Distortion) -> Result<Camera> {
     let impossible = |what: &str| {
-        let Distortion { k1, k2, p1, p2 } = distortion;
-        Error::new(format!("the distortion {k1} {k2} {p1} {p2} {what}"))
+        let all: Vec<String> = distortion.coefficients().map(|k| k.to_string()).collect();
+        // Those behind the last that is not 0 are of models that have more.
+        let n = all
+            .iter()
+            .rposition(|k| k != "0")
+            .map_or(1, |last| last + 1);
+        Error::new(format!("the distortion {} {what}", all[..n].join(" ")))
             .way_out("calibrate again, or undistort with `colmap image_undistorter`")
     };
-    let (low, high) = inner_rectangle(camera, distortion);
+    let (mut low, mut high) = inner_rectangle(camera, distortion);
+    if distortion.fisheye {
+        let (focal, _) = lens(camera);
+        low = low.max(-MAX_SLOPE * focal);
+        high = high.min(MAX_SLOPE * focal);
+    }
     let (width, left) = side(camera.width, low.x, high.x)
         .ok_or_else(|| impossible("leaves less than a fifth of the width"))?;
     let (height, top) = side(camera.height, low.y, high.y)
@@ -189,12 +286,28 @@ fn is_covered(pinhole: &Camera, camera: &Camera, distortion: &Distortion) -> boo
         let seen = distortion.distort(ray) * focal + principal;
         let is_open = |step| {
             let between = ray * (f64::from(step) / f64::from(STEPS));
-            distortion.jacobian(between).determinant() > 0.0
+            distortion.jacobian(distortion.bent(between)).determinant() > 0.0
         };
         seen.cmpge(DVec2::splat(-BORDER_SLACK)).all()
             && seen.cmple(size + BORDER_SLACK).all()
             && (1..=STEPS).all(is_open)
     })
+}
+
+/// The share of a photograph's area that its pinhole image shows.
+pub(super) fn shown(camera: &Camera, distortion: &Distortion, pinhole: &Camera) -> f64 {
+    let (focal, principal) = lens(camera);
+    let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
+    let end = DVec2::new(f64::from(pinhole.width), f64::from(pinhole.height));
+    let center = DVec2::new(pinhole.cx, pinhole.cy);
+    let at = |i: u32| (f64::from(i) + 0.5) / f64::from(GRID);
+    let cells = (0..GRID).flat_map(|y| (0..GRID).map(move |x| DVec2::new(at(x), at(y))));
+    let is_shown = |cell: &DVec2| {
+        let ray = distortion.undistort((*cell * size - principal) / focal);
+        let seen = ray.map(|ray| ray * focal + center);
+        seen.is_some_and(|p| p.cmpge(DVec2::ZERO).all() && p.cmple(end).all())
+    };
+    cells.filter(is_shown).count() as f64 / f64::from(GRID * GRID)
 }
 
 /// Focal lengths and principal point, pixels.

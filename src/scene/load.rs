@@ -11,9 +11,11 @@ use rayon::prelude::*;
 use super::builtin::{self, BuiltinOptions};
 use super::cloud::{clean, random_like, read_cloud};
 use super::cut_out::keep_within_masks;
-use super::decode::{Decoded, decode};
+use super::decode::{Cut, Decoded, decode};
+use super::fitted::Fit;
 use super::formats::{self, confidence_of};
 use super::images::{PosedImage, match_images};
+use super::inverted::{are_inverted, turned};
 use super::layout::PosedCamera;
 use super::masks::{Masks, Unbelieved};
 use super::protocol::PoseProtocol;
@@ -52,7 +54,8 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     };
     let confidence_path = confidence_of(&cloud_path);
     let mut warnings = layout.warnings;
-    let matched = match_images(layout.cameras, &layout.image_dir, &mut warnings)?;
+    let posed = (layout.cameras, layout.unusable);
+    let matched = match_images(posed, (dir, &layout.image_dir), &mut warnings)?;
     let split = choose(dir, &matched, layout.split, options, &mut warnings)?;
 
     // The cloud is read while the images are decoded; both are done before either may fail,
@@ -71,15 +74,31 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
             views.map(|v| decode(v, &masks, options)).collect()
         },
     );
-    warnings.extend(masks.missing(chosen.iter().map(|v| v.posed.camera.name.as_str())));
+    let by_folder = chosen.iter().filter(|v| v.posed.mask.is_none());
+    warnings.extend(masks.missing(by_folder.map(|v| v.posed.camera.name.as_str())));
     let mut cloud = cloud?;
     let mut train = views(decoded, &mut warnings)?;
-    let test = train.split_off(split.train.len());
+    let mut test = train.split_off(split.train.len());
+    let mut cameras: Vec<Camera> = matched
+        .views
+        .iter()
+        .map(|v| v.posed.camera.clone())
+        .collect();
+    if are_inverted(&train, &cloud) {
+        let shown = train.iter_mut().chain(&mut test);
+        for camera in shown.map(|view| &mut view.camera).chain(&mut cameras) {
+            *camera = turned(camera);
+        }
+        warnings.push(
+            "the poses fit the photographs only when they are read as camera-to-world, so they \
+             are: the program that wrote them has them the wrong way round"
+                .to_owned(),
+        );
+    }
 
     let count = |has: fn(&PosedCamera) -> bool| chosen.iter().filter(|v| has(&v.posed)).count();
     let n_distorted = count(|posed| posed.distortion.is_some());
     let pose_protocol = protocol(count(|posed| posed.interpolated), &mut warnings);
-    let cameras: Vec<Camera> = matched.views.into_iter().map(|v| v.posed.camera).collect();
     let n_stored = cloud.len();
     if options.cloud.is_none() {
         warnings.extend(stale(&cloud_path, n_stored));
@@ -196,34 +215,53 @@ fn no_point(path: &Path, n_stored: usize) -> Error {
 /// The views in order, or the first error in order.
 fn views(decoded: Vec<Result<Decoded>>, warnings: &mut Vec<String>) -> Result<Vec<View>> {
     let mut views = Vec::with_capacity(decoded.len());
-    let (mut rescaled, mut turned) = (Vec::new(), Vec::new());
+    let (mut rescaled, mut seen, mut cut) = (Vec::new(), Vec::new(), Vec::new());
+    let mut turned = Vec::new();
     let mut unbelieved: BTreeMap<Unbelieved, Vec<String>> = BTreeMap::new();
     for decoded in decoded {
-        let Decoded {
-            view,
-            rescaled_from,
-            unbelieved: why,
-            is_turned,
-        } = decoded?;
-        if is_turned {
-            turned.push(view.camera.name.clone());
+        let decoded = decoded?;
+        let (name, (width, height)) = (&decoded.view.camera.name, decoded.stated);
+        if decoded.is_turned {
+            turned.push(name.clone());
         }
-        if let Some(why) = why {
-            unbelieved
-                .entry(why)
-                .or_default()
-                .push(view.camera.name.clone());
+        if let Some(why) = decoded.unbelieved {
+            unbelieved.entry(why).or_default().push(name.clone());
         }
-        if let Some((width, height)) = rescaled_from {
-            rescaled.push(format!("`{}`, camera {width}x{height}", view.camera.name));
+        let example = format!("`{name}`, camera {width}x{height}");
+        match decoded.fit {
+            Fit::Same => {}
+            Fit::Rescaled => rescaled.push(example),
+            Fit::Seen(program) => seen.push((program, example)),
         }
-        views.push(view);
+        if let Some(Cut { angles, shown }) = decoded.cut {
+            let [across, down] = angles;
+            cut.push(format!(
+                "{across:.0} x {down:.0} degrees, which leaves out {:.0} % of the photograph: `{name}`",
+                100.0 * (1.0 - shown)
+            ));
+        }
+        views.push(decoded.view);
     }
+    let more = |n: usize| if n > 1 { ", ..." } else { "" };
     if let Some(example) = rescaled.first() {
+        let n = rescaled.len();
         warnings.push(format!(
-            "{} images are not of their camera's size, intrinsics rescaled: {example}{}",
-            rescaled.len(),
-            if rescaled.len() > 1 { ", ..." } else { "" }
+            "{n} images are not of their camera's size, intrinsics rescaled: {example}{}",
+            more(n)
+        ));
+    }
+    if let Some((program, example)) = seen.first() {
+        let n = seen.len();
+        warnings.push(format!(
+            "{n} cameras are of what {program} sees of a photograph, mapped to all of it: {example}{}",
+            more(n)
+        ));
+    }
+    if let Some(example) = cut.first() {
+        let n = cut.len();
+        warnings.push(format!(
+            "{n} fisheye photographs became pinhole images of {example}{}",
+            more(n)
         ));
     }
     warnings.extend(unbelieved.iter().map(|(why, names)| why.line(names)));

@@ -8,7 +8,7 @@ use image::imageops::{FilterType, resize};
 use image::{DynamicImage, GrayImage, RgbImage};
 
 use super::image_file::{decoded, open_image, same_aspect};
-use super::images::stem;
+use super::lookup::stem;
 use super::{Mask, Outside};
 use crate::config::OutsideMask;
 use crate::error::{Error, Result};

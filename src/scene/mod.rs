@@ -1,16 +1,21 @@
 //! Scenes: posed photographs and a point cloud, from disk or built in.
+//!
+#![doc = include_str!("README.md")]
 
 pub mod builtin;
 mod cloud;
 mod cut_out;
 mod decode;
+mod fitted;
 mod formats;
 mod image_file;
 mod images;
+mod inverted;
 mod jpeg;
 mod layout;
 mod lens;
 mod load;
+mod lookup;
 mod masks;
 mod ply;
 mod protocol;
@@ -145,6 +150,22 @@ impl PointCloud {
 
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
+    }
+
+    /// A checksum of all that a point has, in its order, the same on every platform.
+    pub fn crc32(&self) -> u32 {
+        let mut hasher = crc32fast::Hasher::new();
+        for position in &self.positions {
+            position
+                .to_array()
+                .iter()
+                .for_each(|v| hasher.update(&v.to_le_bytes()));
+        }
+        hasher.update(self.colors.as_flattened());
+        for confidence in self.confidence.iter().flatten() {
+            hasher.update(&confidence.to_le_bytes());
+        }
+        hasher.finalize()
     }
 
     /// `clamp(c_i / median(c), 0, 1)` of the confidences `c`, one a point: their scale differs

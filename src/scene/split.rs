@@ -9,7 +9,7 @@ use serde::Deserialize;
 use super::images::Matched;
 use super::layout::NamedSplit;
 use super::{LoadOptions, Scene, View};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, without_mark};
 use crate::files::bytes::read_regular;
 
 /// The shortest sequence that counts as a loop.
@@ -58,7 +58,8 @@ pub(super) fn choose(
     let file_name = place.file_name().unwrap_or_default().to_string_lossy();
 
     let train = if let Some(names) = &options.train_views {
-        training_views(names, matched, Error::usage)?
+        let names = joined(names, |name| matched.knows(name));
+        training_views(&names, matched, Error::usage)?
     } else if let Some(listed) = &listed {
         training_views(&listed.train, matched, Error::new).map_err(in_list)?
     } else {
@@ -85,7 +86,8 @@ pub(super) fn choose(
 
     let test = match (&options.test_views, listed.and_then(|listed| listed.test)) {
         (Some(names), _) => {
-            let test = named_views(names, "test", matched, Error::usage)?;
+            let names = joined(names, |name| matched.knows(name));
+            let test = named_views(&names, "test", matched, Error::usage)?;
             if let Some(&i) = test.iter().find(|i| train.contains(i)) {
                 return Err(in_both(&matched.views[i].posed.camera.name));
             }
@@ -111,15 +113,34 @@ pub(super) fn choose(
     Ok(Split { train, test })
 }
 
+/// Most pieces of a list that one name with commas is put together from.
+const MAX_PIECES: usize = 8;
+
+/// The names of a list that was parted at its commas, of which names may have some themselves: each
+/// is the longest run of pieces that is known, or else a piece.
+fn joined(pieces: &[String], is_known: impl Fn(&str) -> bool) -> Vec<String> {
+    let mut names = Vec::with_capacity(pieces.len());
+    let mut rest = pieces;
+    while !rest.is_empty() {
+        let ends = 1..=rest.len().min(MAX_PIECES);
+        let known = ends.rev().find(|&n| is_known(&rest[..n].join(",")));
+        let (name, behind) = rest.split_at(known.unwrap_or(1));
+        names.push(name.join(","));
+        rest = behind;
+    }
+    names
+}
+
 fn read_split(path: &Path) -> Result<Option<NamedSplit>> {
     if !path.exists() {
         return Ok(None);
     }
-    let file: SplitFile = serde_json::from_slice(&read_regular(path)?).map_err(|e| {
-        Error::new(format!("not a split file: {e}"))
-            .at_path(path)
-            .way_out("write {\"train\": [\"a.jpg\", ...], \"test\": [\"b.jpg\", ...]}")
-    })?;
+    let file: SplitFile =
+        serde_json::from_slice(without_mark(&read_regular(path)?)).map_err(|e| {
+            Error::new(format!("not a split file: {e}"))
+                .at_path(path)
+                .way_out("write {\"train\": [\"a.jpg\", ...], \"test\": [\"b.jpg\", ...]}")
+        })?;
     Ok(Some(NamedSplit {
         train: file.train,
         test: file.test,
@@ -212,7 +233,7 @@ fn named_views(
     let mut chosen = Vec::with_capacity(names.len());
     for name in names {
         let fault = |what: &str| error(format!("{role} view `{}` {what}", name.escape_debug()));
-        let Some(&index) = matched.by_name.get(name) else {
+        let Some(index) = matched.index(name) else {
             return Err(if matched.without_image.contains(name) {
                 fault("has a pose but no image").way_out("put the image into `images/`")
             } else if matched.without_pose.contains(name) {
@@ -242,9 +263,9 @@ fn test_views(
     let mut unusable = Vec::new();
     let mut n_repeated = 0;
     for name in names {
-        match matched.by_name.get(name) {
+        match matched.index(name) {
             None => unusable.push(name),
-            Some(&index) if seen.insert(index) => chosen.push(index),
+            Some(index) if seen.insert(index) => chosen.push(index),
             Some(_) => n_repeated += 1,
         }
     }

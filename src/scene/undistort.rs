@@ -3,7 +3,8 @@
 use glam::DVec2;
 use image::{ImageBuffer, Pixel};
 
-use super::lens::{Distortion, pinhole};
+use super::decode::Cut;
+use super::lens::{Distortion, pinhole, shown};
 use crate::camera::Camera;
 use crate::error::Result;
 
@@ -26,6 +27,21 @@ impl Undistortion {
             camera,
             distortion,
         })
+    }
+
+    /// What the pinhole image shows of the photograph.
+    pub fn cut(&self) -> Cut {
+        let Camera { fx, fy, cx, cy, .. } = self.pinhole;
+        let angle = |side: u32, center: f64, focal: f64| {
+            let ends = [-center, f64::from(side) - center];
+            let [from, to] = ends.map(|end| (end / focal).atan());
+            (to - from).to_degrees()
+        };
+        let (width, height) = (self.pinhole.width, self.pinhole.height);
+        Cut {
+            angles: [angle(width, cx, fx), angle(height, cy, fy)],
+            shown: shown(&self.camera, &self.distortion, &self.pinhole),
+        }
     }
 
     /// Resamples the photograph, or a mask of it at any resolution, with the cubic kernel of

@@ -133,6 +133,7 @@ fn metrics(name: &str) -> Metrics {
             test_views: vec![name.to_owned()],
             cloud: None,
             n_points: 1,
+            cloud_crc32: None,
             carved_points: None,
             pose_protocol: PoseProtocol::SharedFrame,
         },

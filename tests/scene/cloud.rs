@@ -1,6 +1,6 @@
 //! Which cloud is taken, COLMAP's points, cleaning, thinning.
 
-use super::build::{Folder, GOOD_PLY, fails_with, options, ply_with_rows, warns};
+use super::build::{Folder, GOOD_PLY, fails_with, images_txt, options, ply_with_rows, warns};
 use glam::DVec3;
 use gspotential::error::ErrorKind;
 use gspotential::scene::{
@@ -125,12 +125,12 @@ fn clouds_are_looked_for_in_the_stated_order() {
 
 #[test]
 fn points_at_a_camera_centre_are_dropped_and_counted() {
-    // Cameras at x = 0, 1, 2, 3: their extent is 1.5.
+    // Cameras at x = 0, 1, 2, 3: their median distance from the middle one is 1.
     let folder = Folder::with_views(&["a.png", "b.png", "c.png", "d.png"]);
     let rows = [
         "0 0 0 1 1 1",
-        "2.000001 0 0 2 2 2",
-        "2 0.000001 0.000001 3 3 3",
+        "2.0000009 0 0 2 2 2",
+        "2 0.0000006 0.0000006 3 3 3",
         "2.00001 0 0 4 4 4",
         "3 0 5 5 5 5",
     ];
@@ -139,6 +139,17 @@ fn points_at_a_camera_centre_are_dropped_and_counted() {
     let scene = folder.scene();
     warns(&scene, &["3 of 5 points lie at a camera centre"]);
     assert_eq!(scene.cloud.colors, [[4; 3], [5; 3]]);
+    // A camera far away, used or not, widens the tolerance of the others by nothing.
+    let images = images_txt(&["a.png", "b.png", "c.png", "d.png", "far.png"]);
+    folder.write("sparse/0/images.txt", images.replace("-4 0 0", "4e9 0 0"));
+    let scene = folder.scene();
+    warns(
+        &scene,
+        &[
+            "1 poses have no image",
+            "3 of 5 points lie at a camera centre",
+        ],
+    );
     // A single camera has no extent: the points' distance stands in.
     let folder = Folder::with_views(&["a.png"]);
     folder.write(

@@ -4,6 +4,7 @@ use std::process::Command;
 
 use glam::DVec3;
 use gspotential::scene::PoseProtocol;
+use gspotential::scene::builtin::{BuiltinOptions, scene};
 use gspotential::scene::{LoadOptions, Scene};
 use serde_json::Value;
 
@@ -251,4 +252,46 @@ fn matrices_written_for_these_tests_are_camera_to_world() {
     assert!((back + camera.forward()).length() < 1e-12);
     let up = DVec3::new(rows[0][1], rows[1][1], rows[2][1]);
     assert!((up - camera.up()).length() < 1e-12);
+}
+
+#[test]
+fn poses_that_were_written_the_wrong_way_round_are_turned() {
+    let written = scene(&BuiltinOptions {
+        width: 120,
+        n_test: 2,
+        pixel_step: 1,
+        ..BuiltinOptions::default()
+    });
+    let mut inverted = written.clone();
+    for view in inverted.train.iter_mut().chain(&mut inverted.test) {
+        let center = view.camera.center();
+        view.camera.rotation = view.camera.rotation.transpose();
+        view.camera.translation = center;
+    }
+    let plain = vggt(&written).scene();
+    let turned = vggt(&inverted).scene();
+    assert!(!plain.warnings.iter().any(|w| w.contains("camera-to-world")));
+    assert!(
+        turned
+            .warnings
+            .iter()
+            .any(|w| w.contains("camera-to-world")),
+        "{:?}",
+        turned.warnings
+    );
+    for (a, b) in plain.train.iter().zip(&turned.train) {
+        assert!(a.camera.center().distance(b.camera.center()) < 1e-9);
+        assert!(a.camera.rotation.abs_diff_eq(b.camera.rotation, 1e-9));
+    }
+    assert_eq!(plain.cloud, turned.cloud);
+    // A cloud that fits neither way turns nothing.
+    let mut other = written.clone();
+    other.cloud.colors.reverse();
+    let shifted = vggt(&other).scene();
+    assert!(
+        !shifted
+            .warnings
+            .iter()
+            .any(|w| w.contains("camera-to-world"))
+    );
 }

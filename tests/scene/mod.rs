@@ -2,11 +2,13 @@
 
 pub mod build;
 mod cloud;
+mod fitted;
 pub mod fixtures;
 mod formats;
 mod hostile;
 mod images;
 mod lens;
+mod lookup;
 mod masks;
 mod model;
 mod npy;

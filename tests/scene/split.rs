@@ -216,7 +216,7 @@ fn unknown_training_views_are_usage_errors_with_a_suggestion() {
             "did you mean `house.png`?",
         ],
     );
-    refused(&["img_0002"], &["did you mean `IMG_0002.png`"]);
+    refused(&["IMG-0002"], &["did you mean `IMG_0002.png`"]);
     refused(&["x/y/z/w"], &["views are named like"]);
     refused(&[&"long".repeat(100_000)[..700]], &["is not in the scene"]);
     refused(&["house", "house"], &["`house.png` is named twice"]);

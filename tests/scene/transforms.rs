@@ -124,7 +124,7 @@ fn faulty_transforms_are_refused_with_frame_and_key() {
         ("w", json!(1e300), ["frame 0", "is not within"]),
         ("cx", json!({}), ["frame 0", "`cx` is not a number"]),
         ("k1", json!(-40), ["images/a.png", "folds the image"]),
-        ("k3", json!(0.1), ["`k3` is not supported", "undistort"]),
+        ("k4", json!(0.1), ["`k4` is not supported", "undistort"]),
         (
             "distortion_params",
             json!([0.1]),
@@ -132,15 +132,15 @@ fn faulty_transforms_are_refused_with_frame_and_key() {
         ),
         (
             "camera_model",
-            json!("OPENCV_FISHEYE"),
-            ["OPENCV_FISHEYE", "not supported"],
+            json!("EQUIRECTANGULAR"),
+            ["EQUIRECTANGULAR", "not supported"],
         ),
         (
             "camera_model",
             json!(3),
             ["camera model 3", "not supported"],
         ),
-        ("is_fisheye", json!(true), ["`is_fisheye`", "not supported"]),
+        ("is_fisheye", json!(1), ["`is_fisheye`", "not supported"]),
         ("camera_angle_y", json!(4), ["`camera_angle_y` is 4", "pi"]),
         (
             "train_filenames",
@@ -230,6 +230,11 @@ fn faulty_transforms_are_refused_with_frame_and_key() {
         (
             "transform_matrix",
             Value::Null,
+            ["no frame can be used", "1 no pose"],
+        ),
+        (
+            "transform_matrix",
+            pose(json!(["x", 0, 0, 1])),
             ["frame 0", "rows of numbers"],
         ),
         (
@@ -245,7 +250,7 @@ fn faulty_transforms_are_refused_with_frame_and_key() {
         (
             "transform_matrix",
             pose(json!(["NaN", 0, 0, 1])),
-            ["frame 0", "rows of numbers"],
+            ["no frame can be used", "1 no pose"],
         ),
         (
             "transform_matrix",
@@ -273,8 +278,7 @@ fn faulty_transforms_are_refused_with_frame_and_key() {
         file["frames"] = json!([twice.clone(), twice]);
     });
     folder.fails_with(&["transforms.json", "`images/a.png` has two frames"]);
-    // Python writes what JSON has no word for.
-    folder.write("transforms.json", "{\"fl_x\": 10,\n \"k1\": NaN}");
+    folder.write("transforms.json", "{\"fl_x\": 10,\n \"k1\": nan}");
     folder.fails_with(&["transforms.json", "line 2"]);
     let deep = format!("{{\"frames\": {}1{}}}", "[".repeat(9999), "]".repeat(9999));
     folder.write("transforms.json", deep);
@@ -295,4 +299,91 @@ fn frames_whose_images_are_missing_are_counted() {
         &folder.scene(),
         &["1 poses have no image", "1 test views of `transforms.json`"],
     );
+}
+
+#[test]
+fn what_python_writes_for_no_number_harms_nothing_else() {
+    let folder = nerfstudio(&still_life(), OPENGL);
+    let path = folder.path().join("transforms.json");
+    let plain = std::fs::read_to_string(&path).expect("a file");
+    let whole = folder.scene();
+    // Where nothing is read, and in a string.
+    let beside = plain.replacen(
+        '{',
+        "{\"sharpness\": NaN, \"NaN \\\" Infinity\": -Infinity,",
+        1,
+    );
+    folder.write("transforms.json", format!("\u{feff}{beside}"));
+    let scene = folder.scene();
+    assert_eq!(names(&scene.train), names(&whole.train));
+    warns(&scene, &[]);
+    // A lens that is none is refused, a pose that is none left out.
+    let lens = |value: &str| plain.replacen("\"k1\":0.0", &format!("\"k1\":{value}"), 1);
+    assert_ne!(lens("NaN"), plain);
+    folder.write("transforms.json", lens("NaN"));
+    folder.fails_with(&["transforms.json: frame 0", "`k1` is not a number"]);
+    let row = plain.find("[0.0,0.0,0.0,1.0]").expect("a last row");
+    let mut pose = plain.clone();
+    pose.replace_range(row..row + 17, "[0.0,0.0,0.0,NaN]");
+    folder.write("transforms.json", pose);
+    folder.fails_with(&["training view", "image but no pose"]);
+    let unlisted = plain
+        .replace("train_filenames", "x")
+        .replace("test_filenames", "y");
+    let unlisted = unlisted.replacen("val_filenames", "z", 1);
+    let row = unlisted.find("[0.0,0.0,0.0,1.0]").expect("a last row");
+    let mut pose = unlisted;
+    pose.replace_range(row..row + 17, "[0.0,0.0,0.0,-Infinity]");
+    folder.write("transforms.json", pose);
+    warns(
+        &folder.scene(),
+        &["1 frames have no pose", "1 images have no pose"],
+    );
+}
+
+#[test]
+fn a_last_row_may_be_off_by_rounding_and_no_more() {
+    let last = |row: Value| {
+        changed_transforms(move |file| {
+            file["frames"][0]["transform_matrix"][3] = row.clone();
+        })
+    };
+    last(json!([0, 1e-9, 0, 0.9999999])).scene();
+    last(json!([0, 1e-3, 0, 1])).fails_with(&["0 0 0 1"]);
+    last(json!([0, 0, 0, 0.999])).fails_with(&["0 0 0 1"]);
+}
+
+#[test]
+fn masks_that_frames_name_are_those_of_the_masks_folder() {
+    let mask = |x: u32| image::Luma([if x < 6 { 255 } else { 0 }]);
+    let mask = image::GrayImage::from_fn(12, 8, |x, _| mask(x));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    mask.write_to(&mut bytes, image::ImageFormat::Png)
+        .expect("a PNG");
+    let bytes = bytes.into_inner();
+    let named = changed_transforms(|file| {
+        file["frames"][0]["mask_path"] = json!("./mattes\\a.png");
+    });
+    named.fails_with(&["frame 0", "`mask_path`", "no file `mattes/a.png`"]);
+    named.write("mattes/a.png", &bytes);
+    let folder = changed_transforms(|_| {});
+    folder.write("masks/a.png", &bytes);
+    let (named, by_folder) = (named.scene(), folder.scene());
+    assert!(by_folder.train[0].mask.is_some());
+    assert_eq!(named.train[0].mask, by_folder.train[0].mask);
+}
+
+#[test]
+fn frames_without_suffix_or_size_are_completed_from_the_files() {
+    let folder = changed_transforms(|file| {
+        file["frames"][0]["file_path"] = json!("images/a");
+        file["w"] = Value::Null;
+    });
+    folder.remove("images/a.png");
+    // By its content, whatever its suffix says.
+    folder.write("images/a.JPG", png(12, 8));
+    let scene = folder.scene();
+    assert_eq!(scene.train[0].camera.name, "a.JPG");
+    assert_eq!(scene.train[0].camera.width, 12);
+    warns(&scene, &["only 1"]);
 }

@@ -55,10 +55,12 @@ pub(super) fn read(dir: &Path, probe: &Probe, _: &LoadOptions) -> Result<Layout>
         camera,
         distortion: None,
         interpolated: false,
+        mask: None,
     };
     Ok(Layout {
         source: format!("GaussianObject's {}", probe.name),
         cameras: cameras.into_iter().map(posed).collect(),
+        unusable: Vec::new(),
         image_dir: dir.join("images"),
         cloud,
         split: Some(split),

@@ -27,6 +27,7 @@ pub(super) fn read(dir: &Path, probe: &Probe, _: &LoadOptions) -> Result<Layout>
     let cloud = cloud.is_file().then_some(cloud).ok_or_else(no_cloud);
     let mut warnings = train.warnings();
     let mut cameras = train.views;
+    let mut unusable = train.unusable;
     let train_names = names(&cameras);
 
     let test_dir = probe.path.join("1");
@@ -49,10 +50,12 @@ pub(super) fn read(dir: &Path, probe: &Probe, _: &LoadOptions) -> Result<Layout>
             .iter_mut()
             .for_each(|view| view.interpolated = true);
         cameras.append(&mut test.views);
+        unusable.append(&mut test.unusable);
     }
     Ok(Layout {
         source: format!("InstantSplat's {} ({})", probe.name, train.encoding),
         cameras,
+        unusable,
         image_dir: dir.join("images"),
         cloud,
         split: Some(NamedSplit {

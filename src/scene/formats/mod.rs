@@ -82,7 +82,7 @@ pub(super) fn read(dir: &Path, options: &LoadOptions) -> Result<Layout> {
         return Err(Error::new("no scene in this folder")
             .at_path(dir)
             .way_out(format!(
-                "put {} there, or a scene of another format that the README lists",
+                "put {}, or a scene of another format that src/scene/README.md lists",
                 colmap::expected()
             )));
     };
@@ -97,8 +97,23 @@ pub(super) fn read(dir: &Path, options: &LoadOptions) -> Result<Layout> {
     Ok(layout)
 }
 
+/// The first of the files that is there, else the first but for the case of its name.
 fn first_file(candidates: &[PathBuf]) -> Option<PathBuf> {
-    candidates.iter().find(|path| path.is_file()).cloned()
+    let exact = candidates.iter().find(|path| path.is_file()).cloned();
+    exact.or_else(|| candidates.iter().find_map(|path| in_other_case(path)))
+}
+
+/// The only file beside `path` whose name differs from it in case alone.
+fn in_other_case(path: &Path) -> Option<PathBuf> {
+    let name = path.file_name()?.to_str()?;
+    let entries = std::fs::read_dir(path.parent()?).ok()?.flatten();
+    let mut alike = entries.filter(|entry| {
+        let other = entry.file_name();
+        let other = other.to_str().unwrap_or_default();
+        other.eq_ignore_ascii_case(name) && entry.path().is_file()
+    });
+    let first = alike.next()?.path();
+    alike.next().is_none().then_some(first)
 }
 
 /// Of the entries of `dir` that are named `prefix`, a number of views and `suffix`, and hold

@@ -46,7 +46,7 @@ impl Target {
 /// A reader's name, the folder that it reads from, the file in it that is damaged, the reader.
 type Entry = (&'static str, fn() -> Folder, &'static str, Read);
 
-const READERS: [Entry; 21] = [
+const READERS: [Entry; 24] = [
     ("colmap-cameras-txt", small, "sparse/0/cameras.txt", scene),
     ("colmap-images-txt", small, "sparse/0/images.txt", scene),
     (
@@ -67,6 +67,9 @@ const READERS: [Entry; 21] = [
     ("split", with_split, "split.json", scene),
     ("image-png", small, "images/a.png", scene),
     ("image-jpeg", with_jpeg, "images/a.png", scene),
+    ("image-webp", with_webp, "images/a.png", scene),
+    ("image-tiff", with_tiff, "images/a.png", scene),
+    ("image-bmp", with_bmp, "images/a.png", scene),
     ("mask", with_mask, "masks/a.png", scene),
     (
         "npy",
@@ -206,10 +209,23 @@ fn with_split() -> Folder {
 }
 
 fn with_jpeg() -> Folder {
-    small_and(
-        "images/a.png",
-        encoded(SIZE.0, SIZE.1, image::ImageFormat::Jpeg),
-    )
+    with_photograph(image::ImageFormat::Jpeg)
+}
+
+fn with_webp() -> Folder {
+    with_photograph(image::ImageFormat::WebP)
+}
+
+fn with_tiff() -> Folder {
+    with_photograph(image::ImageFormat::Tiff)
+}
+
+fn with_bmp() -> Folder {
+    with_photograph(image::ImageFormat::Bmp)
+}
+
+fn with_photograph(format: image::ImageFormat) -> Folder {
+    small_and("images/a.png", encoded(SIZE.0, SIZE.1, format))
 }
 
 fn with_mask() -> Folder {

@@ -1,6 +1,6 @@
 //! `cameras.bin` and `images.bin`: little-endian, counts as `u64`.
 
-use super::{MODELS, Model, n_params};
+use super::{Model, cameras};
 use crate::error::{Error, Result};
 use crate::files::bytes::Reader;
 
@@ -17,19 +17,16 @@ pub fn read_cameras(bytes: &[u8], model: &mut Model) -> Result<()> {
         let at = reader.position();
         let here = |e: Error| e.at(format_args!("byte {at}"));
         let id = i64::from(reader.i32("a camera's id")?);
-        let model_id = reader.i32("a camera's model")?;
-        let name = usize::try_from(model_id)
-            .ok()
-            .and_then(|i| MODELS.get(i))
-            .map_or_else(|| format!("id {model_id}"), |name| (*name).to_owned());
+        let (name, n_params) = cameras::by_id(id, reader.i32("a camera's model")?).map_err(here)?;
         let size = [
             reader.u64("a camera's width")?,
             reader.u64("a camera's height")?,
         ];
-        let params = (0..n_params(id, &name).map_err(here)?)
+        let params = (0..n_params)
             .map(|_| reader.f64("a camera's parameters"))
             .collect::<Result<Vec<f64>>>()?;
-        model.add_camera(id, &name, size, &params).map_err(here)?;
+        let place = format!("byte {at}");
+        model.add_camera(id, &place, (name, size, &params))?;
     }
     Ok(())
 }

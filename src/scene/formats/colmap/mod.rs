@@ -3,6 +3,8 @@
 //! COLMAP's camera frame is ours: world-to-camera, +z forward, y down, pixel centres at +0.5.
 
 mod binary;
+mod cameras;
+mod models;
 mod points;
 mod text;
 
@@ -18,48 +20,28 @@ use crate::scene::LoadOptions;
 use crate::scene::images::check_name;
 use crate::scene::layout::{Intrinsics, Layout, PosedCamera};
 
+use models::{expected_in, find_model, image_dir};
+
+pub(in crate::scene) use models::FOLDERS;
 pub(in crate::scene) use points::{read_points_binary, read_points_text};
 
-/// Where a model is looked for, in this order: 3DGS, VGGT, and MASt3R with GLOMAP.
-pub(in crate::scene) const FOLDERS: [&str; 4] = ["sparse/0", "sparse", "0", "reconstruction/0"];
-
-/// Names of COLMAP's camera models by their id in binary files.
-const MODELS: [&str; 12] = [
-    "SIMPLE_PINHOLE",
-    "PINHOLE",
-    "SIMPLE_RADIAL",
-    "RADIAL",
-    "OPENCV",
-    "OPENCV_FISHEYE",
-    "FULL_OPENCV",
-    "FOV",
-    "SIMPLE_RADIAL_FISHEYE",
-    "RADIAL_FISHEYE",
-    "THIN_PRISM_FISHEYE",
-    "RAD_TAN_THIN_PRISM_FISHEYE",
-];
-
-/// The folder of the scene `dir` that holds a model.
-fn find_model(dir: &Path) -> Option<Probe> {
-    let mut folders = FOLDERS.iter();
-    let found = folders.find(|folder| has_model(&dir.join(folder)));
-    found.map(|folder| Probe::new(dir, folder))
-}
-
 pub(super) fn find(dir: &Path, _: &LoadOptions) -> Result<Option<Probe>> {
-    Ok(find_model(dir))
+    Ok(find_model(dir).map(|found| found.probe))
 }
 
 /// Reads the model that [`find`] found.
 pub(super) fn read(dir: &Path, probe: &Probe, _: &LoadOptions) -> Result<Layout> {
     let model = read_model(&probe.path)?;
+    let mut warnings = model.warnings();
+    warnings.extend(find_model(dir).and_then(|found| found.warning));
     Ok(Layout {
         source: format!("{} ({})", probe.name, model.encoding),
-        image_dir: dir.join("images"),
+        image_dir: image_dir(dir, &probe.path, &mut warnings),
         cloud: find_cloud(dir, &probe.path),
         split: None,
-        warnings: model.warnings(),
+        warnings,
         cameras: model.views,
+        unusable: model.unusable,
     })
 }
 
@@ -69,12 +51,10 @@ pub(super) fn read(dir: &Path, probe: &Probe, _: &LoadOptions) -> Result<Layout>
 /// # Errors
 /// A folder that cannot be listed.
 pub fn other_clouds(dir: &Path) -> Result<Vec<PathBuf>> {
-    let Some(Probe {
-        path: model_dir, ..
-    }) = find_model(dir)
-    else {
+    let Some(found) = find_model(dir) else {
         return Ok(Vec::new());
     };
+    let model_dir = found.probe.path;
     let own = find_cloud(dir, &model_dir).ok();
     let mut clouds = Vec::new();
     for folder in [model_dir.as_path(), dir] {
@@ -96,7 +76,7 @@ pub fn other_clouds(dir: &Path) -> Result<Vec<PathBuf>> {
 pub(super) fn expected() -> String {
     format!(
         "a COLMAP model (cameras and images as .bin or .txt) in {}",
-        FOLDERS.map(|f| format!("`{f}`")).join(", ")
+        expected_in()
     )
 }
 
@@ -122,8 +102,17 @@ pub(super) fn read_model(folder: &Path) -> Result<Model> {
     let cameras = read_regular(&cameras_path)?;
     let images = read_regular(&images_path)?;
     read_cameras(&cameras, &mut model).map_err(|e| e.at_path(&cameras_path))?;
+    let in_cameras = |e: Error| e.at_path(&cameras_path);
+    let judged = std::mem::take(&mut model.intrinsics).into_iter();
+    model.intrinsics = judged
+        .map(|(id, camera)| (id, camera.map_err(in_cameras)))
+        .collect();
     read_images(&images, &mut model).map_err(|e| e.at_path(&images_path))?;
     if model.views.is_empty() {
+        let mut unusable = model.unusable.into_iter().chain(model.not_finite);
+        if let Some((_, error)) = unusable.next() {
+            return Err(error);
+        }
         return Err(Error::new("the model has no posed image")
             .at_path(&images_path)
             .way_out("the reconstruction failed: run it again on more overlapping images"));
@@ -155,55 +144,56 @@ type ReadInto = fn(&[u8], &mut Model) -> Result<()>;
 pub(super) struct Model {
     pub views: Vec<PosedCamera>,
     pub encoding: &'static str,
-    /// Cameras of `cameras.*`, which images may share.
-    intrinsics: BTreeMap<i64, Intrinsics>,
+    /// Names of images whose camera cannot be used, and why not.
+    pub unusable: Vec<(String, Error)>,
+    /// Cameras of `cameras.*`, which images may share; refused only by an image that uses them.
+    intrinsics: BTreeMap<i64, Result<Intrinsics>>,
+    /// Those of them with a parameter that is not finite.
+    not_finite_cameras: BTreeSet<i64>,
     names: BTreeSet<String>,
     /// Poses whose quaternion was off unit length by more than rounding explains.
     n_unnormalized: usize,
-}
-
-/// Number of parameters of a supported model, or the error that it is none.
-fn n_params(id: i64, model: &str) -> Result<usize> {
-    match model {
-        "SIMPLE_PINHOLE" => Ok(3),
-        "PINHOLE" | "SIMPLE_RADIAL" => Ok(4),
-        "RADIAL" => Ok(5),
-        "OPENCV" => Ok(8),
-        _ => Err(Error::new(format!(
-            "camera {id}: camera model `{}` is not supported",
-            model.escape_debug()
-        ))
-        .way_out("undistort with `colmap image_undistorter`, which writes PINHOLE cameras")),
-    }
+    /// Images whose pose or camera has a number that is not finite: they could not be posed.
+    not_finite: Vec<(String, Error)>,
 }
 
 impl Model {
     pub fn warnings(&self) -> Vec<String> {
-        let n = self.n_unnormalized;
-        let warning = format!("{n} poses have quaternions that are not of unit length: normalised");
-        (n > 0).then_some(warning).into_iter().collect()
+        let mut warnings = Vec::new();
+        if self.n_unnormalized > 0 {
+            warnings.push(format!(
+                "{} poses have quaternions that are not of unit length: normalised",
+                self.n_unnormalized
+            ));
+        }
+        if let Some((first, _)) = self.not_finite.first() {
+            warnings.push(format!(
+                "{} images have a pose or a camera that is not finite and are not used: `{}`{}",
+                self.not_finite.len(),
+                first.escape_debug(),
+                if self.not_finite.len() > 1 {
+                    ", ..."
+                } else {
+                    ""
+                }
+            ));
+        }
+        warnings
     }
 
-    fn add_camera(&mut self, id: i64, model: &str, size: [u64; 2], params: &[f64]) -> Result<()> {
-        let (pinhole, distortion) = match (model, params) {
-            ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f, cx, cy], [0.0; 4]),
-            ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy, cx, cy], [0.0; 4]),
-            ("SIMPLE_RADIAL", &[f, cx, cy, k]) => ([f, f, cx, cy], [k, 0.0, 0.0, 0.0]),
-            ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f, cx, cy], [k1, k2, 0.0, 0.0]),
-            ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => ([fx, fy, cx, cy], [k1, k2, p1, p2]),
-            _ => {
-                return Err(Error::new(format!(
-                    "camera {id}: {model} has {} parameters, found {}",
-                    n_params(id, model)?,
-                    params.len()
-                )));
-            }
-        };
-        let intrinsics = Intrinsics::new(size.map(|side| side as f64), pinhole, distortion)
-            .map_err(|e| e.at(format_args!("camera {id}")))?;
-        match self.intrinsics.insert(id, intrinsics) {
+    fn add_camera(
+        &mut self,
+        id: i64,
+        at: &dyn std::fmt::Display,
+        (model, size, params): (&str, [u64; 2], &[f64]),
+    ) -> Result<()> {
+        if !params.iter().all(|p| p.is_finite()) {
+            self.not_finite_cameras.insert(id);
+        }
+        let judged = cameras::intrinsics(id, model, size, params).map_err(|e| e.at(at));
+        match self.intrinsics.insert(id, judged) {
             None => Ok(()),
-            Some(_) => Err(Error::new(format!("camera {id} appears twice"))),
+            Some(_) => Err(Error::new(format!("camera {id} appears twice")).at(at)),
         }
     }
 
@@ -217,23 +207,38 @@ impl Model {
     ) -> Result<()> {
         check_name(name)?;
         let what = |problem: String| Error::new(format!("image `{name}`: {problem}"));
-        let Some(intrinsics) = self.intrinsics.get(&camera_id) else {
+        let Some(camera) = self.intrinsics.get(&camera_id) else {
             return Err(what(format!("there is no camera {camera_id}")));
+        };
+        if !self.names.insert(name.to_owned()) {
+            return Err(what("the name appears twice".to_owned()).way_out("keep one of the poses"));
+        }
+        let intrinsics = match camera {
+            Ok(intrinsics) => intrinsics,
+            Err(error) => {
+                let not_finite = self.not_finite_cameras.contains(&camera_id);
+                let list = if not_finite {
+                    &mut self.not_finite
+                } else {
+                    &mut self.unusable
+                };
+                list.push((name.to_owned(), error.clone()));
+                return Ok(());
+            }
         };
         let [w, x, y, z] = rotation_wxyz;
         let rotation = DQuat::from_xyzw(x, y, z, w);
+        let translation = DVec3::from(translation);
+        if !rotation.is_finite() || !translation.is_finite() {
+            let error = what("its pose is not finite".to_owned());
+            self.not_finite.push((name.to_owned(), error));
+            return Ok(());
+        }
         let norm = rotation.length();
         if !(norm > 1e-12 && norm.is_finite()) {
             return Err(what(format!(
                 "quaternion {w} {x} {y} {z} is no rotation (its length is {norm})"
             )));
-        }
-        let translation = DVec3::from(translation);
-        if !translation.is_finite() {
-            return Err(what(format!("translation {translation} is not finite")));
-        }
-        if !self.names.insert(name.to_owned()) {
-            return Err(what("the name appears twice".to_owned()).way_out("keep one of the poses"));
         }
         self.n_unnormalized += usize::from((norm - 1.0).abs() > 1e-3);
         let rotation = DMat3::from_quat(rotation.normalize());

@@ -1,11 +1,11 @@
 //! `cameras.txt` and `images.txt`: blank-separated fields, `#` begins a comment line.
 
 use super::Model;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, without_mark};
 
 /// The lines of a text file with their numbers from 1; bytes that are no UTF-8 are refused.
 pub fn lines(bytes: &[u8]) -> impl Iterator<Item = Result<(usize, &str)>> {
-    bytes
+    without_mark(bytes)
         .split(|&b| b == b'\n')
         .zip(1..)
         .map(|(line, number)| match std::str::from_utf8(line) {
@@ -44,9 +44,21 @@ pub fn number<T: std::str::FromStr>(rest: &mut &str, what: &str) -> Result<T> {
 pub fn numbers<const N: usize>(rest: &mut &str, what: &str) -> Result<[f64; N]> {
     let mut values = [0.0; N];
     for value in &mut values {
-        *value = number(rest, what)?;
+        *value = real(rest, what)?;
     }
     Ok(values)
+}
+
+/// [`number`], or NaN where Microsoft's C library wrote what is none (`-nan(ind)`, `1.#QNAN`).
+pub fn real(rest: &mut &str, what: &str) -> Result<f64> {
+    let mut ahead = *rest;
+    let field = field(&mut ahead, what)?;
+    let bare = field.trim_start_matches(['-', '+']);
+    if bare.starts_with("nan(") || bare.starts_with("1.#") {
+        *rest = ahead;
+        return Ok(f64::NAN);
+    }
+    number(rest, what)
 }
 
 fn is_data(line: &str) -> bool {
@@ -57,27 +69,35 @@ pub fn read_cameras(bytes: &[u8], model: &mut Model) -> Result<()> {
     for line in lines(bytes) {
         let (at, line) = line?;
         if is_data(line) {
-            read_camera(line, model).map_err(|e| at_line(e, at))?;
+            read_camera((at, line), model)?;
         }
     }
     Ok(())
 }
 
-fn read_camera(mut line: &str, model: &mut Model) -> Result<()> {
-    let id = number(&mut line, "the camera's id")?;
-    let name = field(&mut line, "the camera's model")?;
+fn read_camera((at, mut line): (usize, &str), model: &mut Model) -> Result<()> {
+    let (id, name, size, params) = camera_fields(&mut line).map_err(|e| at_line(e, at))?;
+    let place = format!("line {at}");
+    model.add_camera(id, &place, (name, size, &params))
+}
+
+type CameraFields<'a> = (i64, &'a str, [u64; 2], Vec<f64>);
+
+fn camera_fields<'a>(line: &mut &'a str) -> Result<CameraFields<'a>> {
+    let id = number(line, "the camera's id")?;
+    let name = field(line, "the camera's model")?;
     let size = [
-        number(&mut line, "the camera's width")?,
-        number(&mut line, "the camera's height")?,
+        number(line, "the camera's width")?,
+        number(line, "the camera's height")?,
     ];
     let mut params = Vec::new();
     while !line.trim_start().is_empty() {
-        params.push(number(&mut line, "a camera parameter")?);
+        params.push(real(line, "a camera parameter")?);
     }
-    model.add_camera(id, name, size, &params)
+    Ok((id, name, size, params))
 }
 
-/// Each image takes two lines; the second, its observations, is often empty and not used.
+/// Each image takes two lines; the second, its observations, is not used, whatever it holds.
 pub fn read_images(bytes: &[u8], model: &mut Model) -> Result<()> {
     let mut lines = lines(bytes);
     while let Some(line) = lines.next() {
@@ -88,33 +108,41 @@ pub fn read_images(bytes: &[u8], model: &mut Model) -> Result<()> {
         read_image(line, model).map_err(|e| at_line(e, at))?;
         if let Some(line) = lines.next() {
             let (at, line) = line?;
-            check_observations(line).map_err(|e| at_line(e, at))?;
+            check_no_image(line).map_err(|e| at_line(e, at))?;
         }
     }
     Ok(())
 }
 
 fn read_image(mut line: &str, model: &mut Model) -> Result<()> {
-    let _id: i64 = number(&mut line, "the image's id")?;
-    let rotation_wxyz = numbers(&mut line, "the image's rotation")?;
-    let translation = numbers(&mut line, "the image's translation")?;
-    let camera_id = number(&mut line, "the image's camera id")?;
+    let (rotation_wxyz, translation, camera_id) = image_numbers(&mut line)?;
     // The rest of the line: names may contain blanks.
     model.add_image(rotation_wxyz, translation, camera_id, line.trim())
 }
 
-/// Without this, a file that leaves the second lines out would lose every other image.
-fn check_observations(line: &str) -> Result<()> {
+fn image_numbers(line: &mut &str) -> Result<([f64; 4], [f64; 3], i64)> {
+    let _id: i64 = number(line, "the image's id")?;
+    let rotation_wxyz = numbers(line, "the image's rotation")?;
+    let translation = numbers(line, "the image's translation")?;
+    let camera_id = number(line, "the image's camera id")?;
+    Ok((rotation_wxyz, translation, camera_id))
+}
+
+/// Without this, a file that leaves the second lines out would lose every other image. An image's
+/// name is no number, or else its fields are no triples.
+fn check_no_image(mut line: &str) -> Result<()> {
     let n_fields = line.split_whitespace().count();
-    let last_is_id = line
-        .split_whitespace()
-        .next_back()
-        .is_none_or(|id| id.parse::<i64>().is_ok());
-    if n_fields.is_multiple_of(3) && last_is_id {
+    let is_image = n_fields >= 10 && {
+        let numbers = image_numbers(&mut line).is_ok();
+        let name = line.split_whitespace().next().unwrap_or_default();
+        numbers && (name.parse::<f64>().is_err() || !n_fields.is_multiple_of(3))
+    };
+    if !is_image {
         return Ok(());
     }
-    Err(
-        Error::new("expected the image's observations (X Y POINT3D_ID, or an empty line)")
-            .way_out("write two lines an image, the second may be empty"),
+    Err(Error::new(
+        "an image where the observations of the one before are expected (X Y POINT3D_ID ..., or \
+         an empty line)",
     )
+    .way_out("write two lines an image, the second may be empty"))
 }

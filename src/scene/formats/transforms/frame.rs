@@ -1,19 +1,23 @@
 //! One frame's pose and intrinsics.
 
-use std::path::Path;
-
 use glam::{DMat3, DVec3};
 use serde_json::Value;
 
 use super::Object;
+use super::nan::is_not_finite;
 use crate::camera::nearest_rotation;
 use crate::error::{Error, Result};
 use crate::scene::layout::Intrinsics;
+use crate::scene::lens::Distortion;
 
 /// How far a pose's scale may be from 1: files hold few digits.
 pub(super) const SCALE_TOLERANCE: f64 = 1e-3;
 
-/// Camera models that are COLMAP's of the same name.
+/// How far each entry of the last row may be from 0 0 0 1: matrices are inverted and printed in
+/// single precision.
+const LAST_ROW_TOLERANCE: f64 = 1e-5;
+
+/// Camera models without and with a fisheye lens; the others are COLMAP's of the same name.
 const MODELS: [&str; 5] = [
     "SIMPLE_PINHOLE",
     "PINHOLE",
@@ -21,14 +25,36 @@ const MODELS: [&str; 5] = [
     "RADIAL",
     "OPENCV",
 ];
+const FISHEYE_MODELS: [&str; 4] = [
+    "OPENCV_FISHEYE",
+    "FISHEYE",
+    "SIMPLE_RADIAL_FISHEYE",
+    "RADIAL_FISHEYE",
+];
 
-/// World-to-camera rotation, optical centre, and the scale that the matrix has beside.
-pub(super) fn pose(matrix: Option<&Value>) -> Result<(DMat3, DVec3, f64)> {
+/// World-to-camera rotation, optical centre, and the scale that the matrix has beside; none where
+/// the frame has no pose, or one that is not finite.
+pub(super) fn pose(matrix: Option<&Value>) -> Result<Option<(DMat3, DVec3, f64)>> {
     let wrong = |what: &str| Error::new(format!("`transform_matrix` {what}"));
-    let rows: Vec<Vec<f64>> = matrix
-        .and_then(|m| serde_json::from_value(m.clone()).ok())
-        .ok_or_else(|| wrong("is not given as rows of numbers"))?;
-    let is_affine = rows.len() == 3 || (rows.len() == 4 && rows[3] == [0.0, 0.0, 0.0, 1.0]);
+    let Some(matrix) = matrix.filter(|m| !m.is_null()) else {
+        return Ok(None);
+    };
+    let rows = matrix.as_array().into_iter().flatten();
+    if rows
+        .filter_map(Value::as_array)
+        .flatten()
+        .any(is_not_finite)
+    {
+        return Ok(None);
+    }
+    let rows: Vec<Vec<f64>> = serde_json::from_value(matrix.clone())
+        .map_err(|_| wrong("is not given as rows of numbers"))?;
+    let is_last = |row: &[f64]| {
+        let expected = [0.0, 0.0, 0.0, 1.0];
+        let near = |(a, b): (&f64, f64)| (a - b).abs() <= LAST_ROW_TOLERANCE;
+        row.len() == 4 && row.iter().zip(expected).all(near)
+    };
+    let is_affine = rows.len() == 3 || (rows.len() == 4 && is_last(&rows[3]));
     if !is_affine || rows.iter().any(|row| row.len() != 4) {
         return Err(wrong(
             "has not 4 columns and 3 rows, or 4 of which the last is 0 0 0 1",
@@ -48,7 +74,7 @@ pub(super) fn pose(matrix: Option<&Value>) -> Result<(DMat3, DVec3, f64)> {
         .ok_or_else(|| wrong("is no rigid motion"))?;
     // OpenGL's axes to ours: y down, z forward.
     let rotation = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)) * rotation.transpose();
-    Ok((rotation, position, scale))
+    Ok(Some((rotation, position, scale)))
 }
 
 /// Where a frame's intrinsics are read from.
@@ -75,21 +101,16 @@ impl Optics<'_> {
             .transpose()
     }
 
-    /// Width and height as stated, or else of the image; `None` where there is none.
-    pub fn size(&self, image: &Path) -> Result<Option<[f64; 2]>> {
-        if let (Some(w), Some(h)) = (self.number("w")?, self.number("h")?) {
-            return Ok(Some([w, h]));
-        }
-        if !image.is_file() {
-            return Ok(None);
-        }
-        let (w, h) = image::image_dimensions(image)
-            .map_err(|e| Error::new(format!("cannot decode the image: {e}")).at_path(image))?;
-        Ok(Some([f64::from(w), f64::from(h)]))
+    /// Width and height as stated.
+    pub fn size(&self) -> Result<Option<[f64; 2]>> {
+        Ok(self
+            .number("w")?
+            .zip(self.number("h")?)
+            .map(<[f64; 2]>::from))
     }
 
     pub fn intrinsics(&self, size: [f64; 2]) -> Result<Intrinsics> {
-        self.check_model()?;
+        let distortion = self.distortion()?;
         let fx = match self.number("fl_x")? {
             Some(fx) => fx,
             None => self
@@ -104,10 +125,6 @@ impl Optics<'_> {
         };
         let cx = self.number("cx")?.unwrap_or(0.5 * size[0]);
         let cy = self.number("cy")?.unwrap_or(0.5 * size[1]);
-        let mut distortion = [0.0; 4];
-        for (value, key) in distortion.iter_mut().zip(["k1", "k2", "p1", "p2"]) {
-            *value = self.number(key)?.unwrap_or(0.0);
-        }
         Intrinsics::new(size, [fx, fy, cx, cy], distortion)
     }
 
@@ -123,34 +140,58 @@ impl Optics<'_> {
         }
     }
 
-    fn check_model(&self) -> Result<()> {
+    /// nerfstudio's coefficients: `k1` to `k4` of the fisheye, and else `k1` to `k3`, `p1` and `p2`.
+    /// What a `k4` means without a fisheye differs between programs.
+    fn distortion(&self) -> Result<Distortion> {
         let unsupported = |what: String| {
             Err(Error::new(format!("{what} is not supported"))
                 .way_out("undistort the images to pinhole cameras first"))
         };
+        let is_set = |key: &str| {
+            let value = self.value(key);
+            value.is_some_and(|value| *value != Value::Bool(false))
+        };
+        let mut fisheye = self.value("is_fisheye") == Some(&Value::Bool(true));
         match self.value("camera_model") {
             None => {}
             Some(Value::String(model)) if MODELS.contains(&model.as_str()) => {}
+            Some(Value::String(model)) if FISHEYE_MODELS.contains(&model.as_str()) => {
+                fisheye = true;
+            }
             Some(model) => return unsupported(format!("camera model {model}")),
         }
-        for key in ["is_fisheye", "latlong", "equirectangular", "orthographic"] {
-            if self
-                .value(key)
-                .is_some_and(|value| *value != Value::Bool(false))
-            {
+        if is_set("is_fisheye") && !fisheye {
+            return unsupported("`is_fisheye`".to_owned());
+        }
+        for key in ["latlong", "equirectangular", "orthographic"] {
+            if is_set(key) {
                 return unsupported(format!("`{key}`"));
             }
         }
-        for key in ["k3", "k4", "k5", "k6"] {
-            if self.number(key)?.is_some_and(|k| k != 0.0) {
-                return unsupported(format!("distortion coefficient `{key}`"));
-            }
+        let mut k = [0.0; 6];
+        for (value, key) in k.iter_mut().zip(["k1", "k2", "k3", "k4", "k5", "k6"]) {
+            *value = self.number(key)?.unwrap_or(0.0);
+        }
+        let n_radial = if fisheye { 4 } else { 3 };
+        if let Some(i) = (n_radial..6).find(|&i| k[i] != 0.0) {
+            return unsupported(format!("distortion coefficient `k{}`", i + 1));
         }
         for key in ["distortion_params", "ftheta_p0"] {
             if self.value(key).is_some() {
                 return unsupported(format!("`{key}`"));
             }
         }
-        Ok(())
+        let [k1, k2, k3, k4, ..] = k;
+        let tangential = [
+            self.number("p1")?.unwrap_or(0.0),
+            self.number("p2")?.unwrap_or(0.0),
+        ];
+        Ok(Distortion {
+            fisheye,
+            radial: [k1, k2, k3, k4],
+            // OpenCV's fisheye has none; files give them for all lenses alike.
+            tangential: if fisheye { [0.0; 2] } else { tangential },
+            ..Distortion::default()
+        })
     }
 }

@@ -5,18 +5,22 @@
 //! Intrinsics stand at a frame or, for all that lack them, at the top.
 
 mod frame;
+mod nan;
 
 use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value};
 
 use self::frame::{Optics, SCALE_TOLERANCE, pose};
+use self::nan::quoted_nan;
 use super::{Probe, first_file};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, without_mark};
 use crate::files::bytes::read_regular;
 use crate::scene::LoadOptions;
+use crate::scene::image_file::size_of;
 use crate::scene::images::check_relative;
 use crate::scene::layout::{Layout, NamedSplit, PosedCamera};
+use crate::scene::lookup::{Folder, Lookup};
 use crate::scene::split::uniform;
 
 type Object = Map<String, Value>;
@@ -29,10 +33,11 @@ pub(super) fn find(dir: &Path, _: &LoadOptions) -> Result<Option<Probe>> {
 pub(super) fn read(dir: &Path, probe: &Probe, _: &LoadOptions) -> Result<Layout> {
     let in_file = |e: Error| e.at_path(&probe.path);
     let file = read_object(&probe.path)?;
+    let folder = Folder::new(dir);
     let mut views = Views::default();
-    views.add(dir, &file).map_err(in_file)?;
+    views.add((dir, &folder), &file).map_err(in_file)?;
     views.check().map_err(in_file)?;
-    let split = read_split(&file).map_err(in_file)?;
+    let split = read_split(&folder, &file).map_err(in_file)?;
     let cloud = find_cloud(dir, &file).map_err(in_file);
     Ok(views.layout(dir, probe, split, cloud))
 }
@@ -45,6 +50,7 @@ pub(super) fn find_blender(dir: &Path, _: &LoadOptions) -> Result<Option<Probe>>
 
 /// The training views are drawn from those of the training file, the test views from the other.
 pub(super) fn read_blender(dir: &Path, probe: &Probe, options: &LoadOptions) -> Result<Layout> {
+    let folder = Folder::new(dir);
     let mut views = Views::default();
     let mut drawn = Vec::new();
     for (name, n) in [
@@ -54,7 +60,9 @@ pub(super) fn read_blender(dir: &Path, probe: &Probe, options: &LoadOptions) -> 
         let path = dir.join(name);
         let first = views.cameras.len();
         let file = read_object(&path)?;
-        views.add(dir, &file).map_err(|e| e.at_path(&path))?;
+        views
+            .add((dir, &folder), &file)
+            .map_err(|e| e.at_path(&path))?;
         let mut names: Vec<String> = views.cameras[first..]
             .iter()
             .map(|view| view.camera.name.clone())
@@ -73,7 +81,7 @@ pub(super) fn read_blender(dir: &Path, probe: &Probe, options: &LoadOptions) -> 
 }
 
 fn read_object(path: &Path) -> Result<Object> {
-    serde_json::from_slice(&read_regular(path)?)
+    serde_json::from_slice(&quoted_nan(without_mark(&read_regular(path)?)))
         .map_err(|e| Error::new(format!("not a JSON object: {e}")).at_path(path))
 }
 
@@ -83,45 +91,59 @@ struct Views {
     cameras: Vec<PosedCamera>,
     /// Frames of no stated size whose image is missing.
     n_without_image: usize,
+    /// Frames without a pose, or with one that is not finite: they could not be posed.
+    n_without_pose: usize,
     /// Poses that scale by more than rounding explains.
     n_scaled: usize,
 }
 
 impl Views {
-    fn add(&mut self, dir: &Path, file: &Object) -> Result<()> {
+    fn add(&mut self, place: (&Path, &Folder), file: &Object) -> Result<()> {
         let Some(Value::Array(frames)) = file.get("frames") else {
             return Err(Error::new("there is no list `frames`"));
         };
         for (i, frame) in frames.iter().enumerate() {
-            self.add_frame(dir, file, frame)
+            self.add_frame(place, file, frame)
                 .map_err(|e| e.at(format_args!("frame {i}")))?;
         }
         Ok(())
     }
 
-    fn add_frame(&mut self, dir: &Path, file: &Object, frame: &Value) -> Result<()> {
+    fn add_frame(
+        &mut self,
+        (dir, folder): (&Path, &Folder),
+        file: &Object,
+        frame: &Value,
+    ) -> Result<()> {
         let frame = frame
             .as_object()
             .ok_or_else(|| Error::new("not an object"))?;
-        let mut name = match frame.get("file_path") {
-            Some(Value::String(path)) => relative(path)?,
+        let name = match frame.get("file_path") {
+            Some(Value::String(path)) => with_suffix(folder, relative(path)?),
             _ => return Err(Error::new("there is no `file_path`")),
         };
-        if !name.rsplit('/').next().unwrap_or(&name).contains('.') {
-            // NeRF's Blender scenes leave it out.
-            name += ".png";
-        }
-        let (rotation, position, scale) = pose(frame.get("transform_matrix"))?;
-        let optics = Optics { frame, file };
-        let Some(size) = optics.size(&dir.join(&name))? else {
-            self.n_without_image += 1;
+        let Some((rotation, position, scale)) = pose(frame.get("transform_matrix"))? else {
+            self.n_without_pose += 1;
             return Ok(());
+        };
+        let optics = Optics { frame, file };
+        let size = match (optics.size()?, folder.find(&name, |_| true)) {
+            (Some(size), _) => size,
+            (None, Lookup::Found(image, _)) => {
+                let (width, height) = size_of(&dir.join(image))?;
+                [f64::from(width), f64::from(height)]
+            }
+            (None, Lookup::Unread(_) | Lookup::Missing) => {
+                self.n_without_image += 1;
+                return Ok(());
+            }
         };
         let intrinsics = optics.intrinsics(size)?;
         self.n_scaled += usize::from((scale - 1.0).abs() > SCALE_TOLERANCE);
         let translation = -(rotation * position);
-        self.cameras
-            .push(intrinsics.posed(name, rotation, translation));
+        let mut posed = intrinsics.posed(name, rotation, translation);
+        posed.mask = mask(dir, folder, frame)?;
+        self.cameras.push(posed);
         Ok(())
     }
 
@@ -135,8 +157,8 @@ impl Views {
         }
         if names.is_empty() {
             return Err(Error::new(format!(
-                "no frame can be used ({} have neither a size nor an image)",
-                self.n_without_image
+                "no frame can be used ({} have neither a size nor an image, {} no pose)",
+                self.n_without_image, self.n_without_pose
             )));
         }
         Ok(())
@@ -179,6 +201,10 @@ impl Views {
                 self.n_without_image,
                 "frames have no image and are not used",
             ),
+            (
+                self.n_without_pose,
+                "frames have no pose, or one that is not finite, and are not used",
+            ),
             (self.n_scaled, "poses scale as well as rotate: normalised"),
         ] {
             if n > 0 {
@@ -188,11 +214,41 @@ impl Views {
         Layout {
             source: probe.name.clone(),
             cameras: self.cameras,
+            unusable: Vec::new(),
             image_dir,
             cloud,
             split,
             warnings,
         }
+    }
+}
+
+/// The name of an image that may come without its suffix, as NeRF's Blender scenes have them: that
+/// of the file, or else a PNG's.
+fn with_suffix(folder: &Folder, name: String) -> String {
+    if name.rsplit('/').next().unwrap_or(&name).contains('.') {
+        return name;
+    }
+    match folder.find(&name, |_| true) {
+        Lookup::Found(file, _) => file,
+        Lookup::Unread(_) | Lookup::Missing => name + ".png",
+    }
+}
+
+/// The file of a frame's mask, where it names one.
+fn mask(dir: &Path, folder: &Folder, frame: &Object) -> Result<Option<PathBuf>> {
+    let here = |e: Error| e.at("`mask_path`");
+    let name = match frame.get("mask_path") {
+        None | Some(Value::Null) => return Ok(None),
+        Some(Value::String(path)) => with_suffix(folder, relative(path).map_err(here)?),
+        Some(_) => return Err(here(Error::new("not a file name"))),
+    };
+    match folder.find(&name, |_| true) {
+        Lookup::Found(file, _) => Ok(Some(dir.join(file))),
+        Lookup::Unread(_) | Lookup::Missing => Err(here(
+            Error::new(format!("there is no file `{}`", name.escape_debug()))
+                .way_out("put the masks there, or take `mask_path` out"),
+        )),
     }
 }
 
@@ -208,14 +264,15 @@ fn relative(path: &str) -> Result<String> {
 }
 
 /// nerfstudio's lists of views.
-fn read_split(file: &Object) -> Result<Option<NamedSplit>> {
+fn read_split(folder: &Folder, file: &Object) -> Result<Option<NamedSplit>> {
     let list = |key: &str| -> Result<Option<Vec<String>>> {
         let Some(value) = file.get(key) else {
             return Ok(None);
         };
         let names: Vec<String> = serde_json::from_value(value.clone())
             .map_err(|_| Error::new(format!("`{key}` is no list of file names")))?;
-        let names: Result<_> = names.iter().map(|name| relative(name)).collect();
+        let name = |name: &String| Ok(with_suffix(folder, relative(name)?));
+        let names: Result<_> = names.iter().map(name).collect();
         names.map(Some).map_err(|e| e.at(format_args!("`{key}`")))
     };
     let test = match list("test_filenames")? {
@@ -244,14 +301,12 @@ fn find_cloud(dir: &Path, file: &Object) -> Result<PathBuf> {
             .as_str()
             .ok_or_else(|| here(Error::new("not a file name")))?;
         let cloud = dir.join(relative(path).map_err(here)?);
-        return if cloud.is_file() {
-            Ok(cloud)
-        } else {
-            Err(here(Error::new(format!(
+        return first_file(&[cloud]).ok_or_else(|| {
+            here(Error::new(format!(
                 "there is no file `{}`",
                 path.escape_debug()
-            ))))
-        };
+            )))
+        });
     }
     first_file(&["points3D.ply", "points.ply", "sparse_pc.ply"].map(|name| dir.join(name)))
         .ok_or_else(|| {

@@ -1,0 +1,87 @@
+//! `eval --scene`: a run whose scene has moved.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use gspotential::scene::Scene;
+
+use crate::scene::build::Folder;
+use crate::scene::fixtures::{still_life, vggt};
+
+fn gspotential(at: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_gspotential"))
+        .args(args)
+        .current_dir(at)
+        .output()
+        .expect("the program")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// The scene with a change, in a folder of its own.
+fn changed(change: impl Fn(&mut Scene)) -> Folder {
+    let mut scene = still_life();
+    change(&mut scene);
+    vggt(&scene)
+}
+
+#[test]
+fn a_scene_that_has_moved_is_measured_and_another_is_refused_by_what_differs() {
+    let place = tempfile::tempdir().expect("a folder");
+    let before = changed(|_| {});
+    let source = before.path().to_str().expect("UTF-8");
+    let train = "train --iterations 1 --preset 3dgs --max-points 50 --out run --scene";
+    let args: Vec<&str> = train.split(' ').chain([source]).collect();
+    let output = gspotential(place.path(), &args);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let trained = text(&output.stdout);
+    drop(before);
+    // Gone from where it was, it can't be measured again without a word on where it is.
+    let output = gspotential(place.path(), &["eval", "run", "--again"]);
+    let error = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{error}");
+    assert!(error.contains("--scene DIR"), "{error}");
+
+    let eval = |scene: &Folder| {
+        let dir = scene.path().to_str().expect("UTF-8");
+        gspotential(place.path(), &["eval", "run", "--again", "--scene", dir])
+    };
+    let output = eval(&changed(|_| {}));
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert_eq!(text(&output.stdout).trim(), trained.trim());
+
+    let refused = |change: fn(&mut Scene), what: &str| {
+        let output = eval(&changed(change));
+        let error = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{error}");
+        assert!(error.contains(what), "no `{what}` in: {error}");
+    };
+    refused(
+        |s| s.cloud.positions[7].x += 0.01,
+        "its cloud has other points",
+    );
+    refused(|s| s.cloud.colors[7][1] ^= 1, "its cloud has other points");
+    let fewer = |s: &mut Scene| {
+        let kept: Vec<bool> = (0..s.cloud.len()).map(|i| i > 0).collect();
+        s.cloud.retain(&kept);
+    };
+    refused(fewer, "points and had");
+    refused(|s| s.test[0].camera.fx *= 1.01, "has another lens");
+    refused(
+        |s| s.test[0].camera.translation.x += 0.01,
+        "is taken from elsewhere",
+    );
+    refused(
+        |s| s.train[1].camera.translation.y += 0.01,
+        "is taken from elsewhere",
+    );
+    refused(
+        |s| s.test[0].camera.name = "other.png".to_owned(),
+        "is not in the scene",
+    );
+
+    let nowhere = gspotential(place.path(), &["eval", "run", "--scene", "nowhere"]);
+    assert!(text(&nowhere.stderr).contains("cannot open the scene"));
+}
