@@ -159,7 +159,7 @@ fn mip_splattings_filter_widens_scales_and_thins_opacities() {
         file.extend(filter.to_le_bytes());
     }
     std::fs::write(&path, file).unwrap();
-    let read = read_ply(&path).unwrap();
+    let read = read_ply(&path).unwrap().gaussians;
     for (i, filter) in filters.into_iter().enumerate() {
         let (scale, logit) = (plain.scales_log[i], plain.opacity_logits[i]);
         if i == 0 || filter.is_nan() {
@@ -363,6 +363,7 @@ fn far_from_the_origin_an_offset_is_taken_out_and_told() {
     let frame = Frame {
         center: dvec3(500_001.25, 4_500_000.5, 120.0),
         radius: 4.0,
+        extent: 4.0,
     };
     write_ply(&path, &gaussians, &frame).unwrap();
     let stored = read_ply(&path).unwrap();

@@ -61,8 +61,8 @@ fn one_photograph_trains_through_densification_and_pruning() {
         .and_then(|mut trainer| trainer.run(&mut ()))
         .expect("trains");
     // An extent of 0 would leave every mean where it is, and nothing after the first reset.
-    let l1 = |sample: Option<&gspotential::run::LossSample>| sample.expect("a loss").real.l1;
+    let l1 = |sample: Option<&gspotential::train::LossSample>| sample.expect("a loss").real.l1;
     assert!(l1(trained.samples.last()) < l1(trained.samples.first()));
     assert!(trained.gaussians.len() >= start.len() / 2);
-    assert_eq!(trained.gaussians.n_not_finite(), 0);
+    assert_eq!(trained.gaussians.n_broken(), 0);
 }

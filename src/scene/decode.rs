@@ -9,7 +9,7 @@ use super::image_file::{decoded, open_image};
 use super::images::PosedImage;
 use super::layout::PosedCamera;
 use super::masks::{Levels, Masks, Unbelieved};
-use super::undistort::Undistortion;
+use super::undistort::{Cut, Undistortion};
 use super::{Image, LoadOptions, View};
 use crate::camera::bounded_size;
 use crate::error::{Error, Result};
@@ -27,14 +27,6 @@ pub(super) struct Decoded {
     pub stated: (u32, u32),
     /// Of a fisheye photograph.
     pub cut: Option<Cut>,
-}
-
-/// What the pinhole image of a fisheye photograph shows.
-pub(super) struct Cut {
-    /// Angle across its width and height, degrees.
-    pub angles: [f64; 2],
-    /// Of the photograph's area.
-    pub shown: f64,
 }
 
 /// Decodes the photograph and its mask, which is that of `masks` or else the photograph's alpha

@@ -3,10 +3,17 @@
 use glam::DVec2;
 use image::{ImageBuffer, Pixel};
 
-use super::decode::Cut;
 use super::lens::{Distortion, pinhole, shown};
 use crate::camera::Camera;
 use crate::error::Result;
+
+/// What the pinhole image of a fisheye photograph shows.
+pub(super) struct Cut {
+    /// Angle across its width and height, degrees.
+    pub angles: [f64; 2],
+    /// Of the photograph's area.
+    pub shown: f64,
+}
 
 /// What takes a photograph by `camera` through its lens to one by `pinhole`.
 pub(super) struct Undistortion {
