@@ -4,7 +4,7 @@ use std::process::Command;
 
 use gspotential::camera::json::read_cameras;
 use gspotential::camera::{Camera, Frame};
-use gspotential::config::Config;
+use gspotential::config::{Config, Footprint};
 use gspotential::error::Result;
 use gspotential::eval::PoseErrors;
 use gspotential::pipeline::{load_scene, prepare};
@@ -21,6 +21,9 @@ fn config(iterations: u32, refine: bool) -> Config {
     config.views.count = 6;
     config.scene.max_points = Some(3000);
     config.poses.refine = refine;
+    // Six views and few points: with wide footprints and unbounded scales the start says little.
+    config.splat.footprint = Footprint::Pixel;
+    config.model.max_initial_scale_ratio = Some(10.0);
     config
 }
 

@@ -143,12 +143,13 @@ fn alpha_mask(photograph: &DynamicImage) -> Alpha {
     if alpha.iter().all(|&a| a == 255) {
         return Alpha::None;
     }
-    let n_set = alpha.iter().filter(|&&a| a >= THRESHOLD).count();
+    // In whole pixels: a veil over all of the photograph leaves something out, too.
+    let kept = alpha.iter().map(|&a| f64::from(a)).sum::<f64>() / 255.0;
     let few = MIN_SHARE * alpha.len() as f64;
-    if (alpha.len() - n_set) as f64 <= few {
+    if alpha.len() as f64 - kept <= few {
         return Alpha::Unusable(Unbelieved::AlmostOpaque);
     }
-    if n_set as f64 <= few {
+    if kept <= few {
         return Alpha::Unusable(Unbelieved::AlmostEmpty);
     }
     GrayImage::from_raw(width, height, alpha).map_or(Alpha::None, Alpha::Mask)

@@ -65,7 +65,7 @@ const PLANTS: [Plant; 35] = [
         "project",
         " - view.center_low.xyz",
         " + view.center_low.xyz",
-        stage::PROJECT,
+        stage::RASTERIZE,
     ),
     plant(
         "project",
@@ -87,8 +87,8 @@ const PLANTS: [Plant; 35] = [
     ),
     plant(
         "bin",
-        "floor(o.center.x + right",
-        "floor(o.center.x + 0.5 * right",
+        "floor(o.anchor.x + right",
+        "floor(o.anchor.x + 0.5 * right",
         stage::BIN,
     ),
     plant(

@@ -281,7 +281,7 @@ fn zero_sizes_are_usage_errors() {
 fn a_damaged_jpeg_is_an_error_of_one_line() {
     let folder = Folder::with_views(&NAMES);
     // Its decoder's message ends in a line break.
-    folder.write("images/a.png", b"\xff\xd8\xff\xd8\xff");
+    folder.write("images/a.png", b"\xff\xd8\xff\xd8\xff\xd9");
     folder.fails_with(&["images/a.png", "cannot decode"]);
 }
 

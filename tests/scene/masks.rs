@@ -171,8 +171,8 @@ fn a_cut_out_subject_keeps_the_points_within_its_masks() {
     );
     assert_eq!(n_left(7, OutsideMask::Background), 2);
     assert_eq!(n_left(5, OutsideMask::Background), 1);
-    assert_eq!(n_left(0, OutsideMask::Ignored), 3);
-    assert_eq!(n_left(0, OutsideMask::Kept), 3);
+    assert_eq!(n_left(1, OutsideMask::Ignored), 3);
+    assert_eq!(n_left(1, OutsideMask::Kept), 3);
     let warnings = load(7, OutsideMask::Background).expect("a scene").warnings;
     assert!(
         warnings
@@ -180,7 +180,7 @@ fn a_cut_out_subject_keeps_the_points_within_its_masks() {
             .any(|w| w.contains("1 of 3 points lie outside of the masks"))
     );
     fails_with(
-        load(0, OutsideMask::Background),
+        load(1, OutsideMask::Background),
         ErrorKind::Failure,
         &[
             "points3D.ply",
@@ -270,8 +270,8 @@ fn a_stamp_changes_with_the_files_and_with_nothing_else() {
 
 #[test]
 fn an_alpha_channel_that_says_nothing_of_a_subject_is_no_mask_and_is_told() {
-    // 12,000 pixels, of which up to 12 are nothing.
-    let size = (120, 100);
+    // 15,000 pixels, of which up to 15 are nothing.
+    let size = (150, 100);
     let transparent = |n: u32| {
         bytes(RgbaImage::from_fn(size.0, size.1, |x, y| {
             let alpha = if y * size.0 + x < n { 0 } else { 255 };
@@ -280,15 +280,19 @@ fn an_alpha_channel_that_says_nothing_of_a_subject_is_no_mask_and_is_told() {
     };
     let all = size.0 * size.1;
     for (n, is_mask, said) in [
-        (12, false, Some("next to nothing out")),
-        (13, true, None),
-        (all - 13, true, None),
-        (all - 12, false, Some("nothing inside")),
+        (15, false, Some("next to nothing out")),
+        (16, true, None),
+        (all - 16, true, None),
+        (all - 15, false, Some("nothing inside")),
         (all, false, Some("nothing inside")),
     ] {
         let folder = Folder::with_views(&NAMES);
         folder.write("images/a.png", transparent(n));
-        let scene = folder.scene();
+        let options = LoadOptions {
+            outside_mask: OutsideMask::Kept,
+            ..options()
+        };
+        let scene = folder.load_with(&options).expect("a scene");
         assert_eq!(scene.train[0].mask.is_some(), is_mask, "{n}");
         let told = scene
             .warnings
