@@ -75,7 +75,7 @@ fn main() -> Result<()> {
     println!("|---:|---|---:|---:|---:|---:|---:|---:|---:|");
     for size in &args.max_size {
         let scene = load_scene(
-            &args.scene.resolved()?.at_most(*size),
+            &args.scene.clone().resolved()?.at_most(*size),
             &LoadOptions {
                 max_size: Some(*size),
                 cloud: args.cloud.clone().map(CloudSource::File),

@@ -181,7 +181,7 @@ fn n_wrong_sums(pairs: &[[f32; 9]], summed: &[[f32; 9]], ranges: &[[u32; 2]]) ->
             }
             // A NaN is wrong, too.
             let error = (f64::from(summed[*i][c]) - sum).abs();
-            !(error <= tolerance::GPU_PAIR_SUM * size)
+            error.is_nan() || error > tolerance::GPU_PAIR_SUM * size
         })
     };
     (0..pairs.len()).filter(is_wrong).count()

@@ -1,5 +1,5 @@
 //! Files: reading them whole, writing them so that no half-written one stands under its name, and
-//! the parts of formats that more than one module reads ([`bytes`], [`npy`], [`ply`]).
+//! the parts of formats that more than one module reads (`bytes`, `npy`, `ply`).
 
 pub(crate) mod bytes;
 pub mod digest;

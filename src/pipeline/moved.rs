@@ -63,7 +63,8 @@ pub(super) fn check_same(run: &RunDir, metrics: &Metrics, scene: &Scene) -> Resu
         }
         let is_refined = metrics.refined_poses.iter().any(|p| p.view == now.name);
         let (turn, shift) = now.difference(then);
-        if !is_refined && !(turn <= TURN_RAD && shift <= SHIFT * frame.radius) {
+        let is_there = turn <= TURN_RAD && shift <= SHIFT * frame.radius;
+        if !is_refined && !is_there {
             return Err(differs(format!("view `{name}` is taken from elsewhere")));
         }
     }

@@ -130,7 +130,7 @@ impl Folder {
         let is_stem = |name: &str| is_read(name) && stems.contains(&stem(name));
         let loose: Vec<String> = stems.iter().map(|stem| folded(stem)).collect();
         let is_loose = |name: &str| loose.contains(&folded(stem(name)));
-        let levels: [(&dyn Fn(&str) -> bool, How); 4] = [
+        let levels: [(Fits, How); 4] = [
             (&|name| name == *file, How::Path),
             (&|name| folded(name) == folded(file), How::Spelling),
             (&is_stem, How::Stem),
@@ -211,7 +211,10 @@ impl Folder {
     }
 }
 
-fn only<'a>(names: &'a [String], fits: impl Fn(&str) -> bool) -> Option<&'a String> {
+/// Whether a name fits.
+type Fits<'a> = &'a dyn Fn(&str) -> bool;
+
+fn only(names: &[String], fits: impl Fn(&str) -> bool) -> Option<&String> {
     let mut fitting = names.iter().filter(|name| fits(name));
     let first = fitting.next();
     first.filter(|_| fitting.next().is_none())

@@ -107,7 +107,8 @@ fn lambda_table(results: &Results) -> DataTable {
 /// Every measure over lambda, where it was measured.
 fn lambda_pictures(results: &Results) -> Result<Vec<Picture>> {
     let mut pictures = Vec::new();
-    let measures: [(&str, &str, fn(&Finished) -> Option<f64>); 3] = [
+    type Measure = (&'static str, &'static str, fn(&Finished) -> Option<f64>);
+    let measures: [Measure; 3] = [
         ("psnr", "PSNR, dB", psnr),
         ("ssim", "SSIM", ssim),
         ("lpips", "LPIPS", lpips),

@@ -301,7 +301,7 @@ fn a_jpeg_that_is_cut_off_is_refused_and_one_with_something_behind_it_is_not() {
         folder.write("images/c.png", good);
         warns(&folder.scene(), &[]);
     }
-    let zeros = vec![0; 40];
+    let zeros = [0; 40];
     for bad in [
         whole[..whole.len() - 2].to_vec(),
         whole[..whole.len() - 20].to_vec(),

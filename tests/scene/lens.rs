@@ -357,7 +357,11 @@ fn seen_through(bend: Bend, k: &[f64], focal: f64) -> Vec<u8> {
             p += 0.5 * (goal - bend(k, p));
         }
         let known = (bend(k, p) - goal).length() < 1e-9;
-        let seen = known.then(|| pattern(p)).unwrap_or([255.0, 0.0, 255.0]);
+        let seen = if known {
+            pattern(p)
+        } else {
+            [255.0, 0.0, 255.0]
+        };
         Rgb(seen.map(|v| v.round() as u8))
     });
     let mut bytes = std::io::Cursor::new(Vec::new());

@@ -210,11 +210,10 @@ fn the_pilot_counts_every_viewpoint_once_and_pairs_neighbours() {
     let data = json(&folder.path().join("studies/pilot.json"));
     let rows = |i: usize| data["tables"][i]["rows"].as_array().expect("rows").clone();
     let total = |key: &str| -> f64 {
-        let counts = rows(1)
+        rows(1)
             .iter()
             .map(|row| row[key]["mean"].as_f64().expect("a count"))
-            .sum();
-        counts
+            .sum()
     };
     assert!(total("n_one") > 400.0 && total("n_one") == total("n_all"));
     // With four cameras on a ring nothing is as far from the nearest as with one.

@@ -77,8 +77,11 @@ fn agreement(probe: &Probe, photo: &Photo, motion: (DMat3, DVec3)) -> f64 {
     colors.map_or(0.0, |colors| colors.agreement)
 }
 
+/// What may be wrong, and what it would be without.
+type Change = (&'static str, fn(&Photo) -> Photo);
+
 /// What may be wrong with all views.
-const CHANGES: [(&str, fn(&Photo) -> Photo); 4] = [
+const CHANGES: [Change; 4] = [
     (
         "the photographs are stored upside down: turn their pixels by 180 degrees, as their EXIF \
          orientation may say",

@@ -1,7 +1,7 @@
 //! Point splatting: the cloud drawn into a camera, with a mask of what it covers, and the holes
 //! between filled from around.
 //!
-//! A point's footprint ([`Footprint`](crate::config::Footprint)) is one of two:
+//! A point's footprint ([`Footprint`]) is one of two:
 //!
 //! - `pixel`: the pixel that it falls into. The nearest point wins. Where points are sparser than
 //!   pixels, those behind a surface show through it.
@@ -194,8 +194,8 @@ struct Scratch {
 /// # Errors
 /// A largest radius below [`MIN_DISC_RADIUS_PX`], an even filter window, or an empty image.
 pub(crate) fn check(cameras: &[Camera], config: &SplatConfig) -> Result<()> {
-    // Written so that NaN fails.
-    if !(config.max_radius_px >= MIN_DISC_RADIUS_PX) {
+    let radius = config.max_radius_px;
+    if radius.is_nan() || radius < MIN_DISC_RADIUS_PX {
         return Err(Error::usage(format!(
             "splat.max_radius_px is {}, but must be at least {MIN_DISC_RADIUS_PX}",
             config.max_radius_px
