@@ -5,7 +5,8 @@
 //! [`config`], [`gaussians`], [`gpu`], [`metrics`] and [`render`]. [`run`] stores what others
 //! define, [`pipeline`] calls the stages in a row, [`study`] trains what a table or figure of the
 //! paper needs, [`doctor`] holds the GPU to the f64 twin beside it ([`doctor::twin`]), and [`cli`]
-//! is the commands on top. A module imports only from those before it in `tests/architecture.rs`,
+//! is the commands on top. Where only photographs are there, [`prior`] finds depth and cameras and
+//! [`dense`] makes one cloud of them, before the flow begins. A module imports only from those before it in `tests/architecture.rs`,
 //! and no folder holds a circle.
 //!
 //! The program is the interface. The modules are public for the tests and the benches beside it;
@@ -33,6 +34,7 @@ pub mod camera;
 pub mod cli;
 pub mod cloud;
 pub mod config;
+pub mod dense;
 pub mod doctor;
 pub mod error;
 pub mod eval;
@@ -42,6 +44,7 @@ pub mod gaussians;
 pub mod gpu;
 pub mod metrics;
 pub mod pipeline;
+pub mod prior;
 pub mod render;
 pub mod report;
 pub mod run;

@@ -14,6 +14,8 @@ const ORDER: &[&str] = &[
     "camera",
     "config",
     "scene",
+    "prior",
+    "dense",
     "gaussians",
     "gpu",
     "metrics",

@@ -10,6 +10,7 @@ mod machine;
 mod measure;
 mod presets;
 mod render;
+mod scene;
 mod study;
 mod train;
 
@@ -23,6 +24,7 @@ use crate::error::{Error, Result};
 const EXAMPLES: &str = "\
 Examples:
   gspotential train                                    the built-in scene
+  gspotential scene photographs/ --weights model.safetensors --out scenes/garden
   gspotential train --scene scenes/garden --out runs/garden
   gspotential field --scene scenes/garden              where photographs are missing
   gspotential eval runs/garden
@@ -45,6 +47,7 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Scene(scene::SceneArgs),
     Train(train::TrainArgs),
     Eval(eval::EvalArgs),
     Field(field::FieldArgs),
@@ -62,6 +65,7 @@ impl Cli {
     pub fn run(self) -> Result<()> {
         self.machine.prepare()?;
         match self.command {
+            Command::Scene(args) => args.run(),
             Command::Train(args) => args.run(),
             Command::Eval(args) => args.run(),
             Command::Field(args) => args.run(),

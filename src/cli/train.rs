@@ -1,7 +1,7 @@
 //! `gspotential train`
 
 use std::num::NonZeroU32;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -9,7 +9,7 @@ use super::dry_run;
 use super::measure::MeasureArgs;
 use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
-use crate::pipeline::{self, Resumed, TrainJob};
+use crate::pipeline::{self, PriorOptions, Resumed, TrainJob};
 use crate::report::{evaluation_table, profile_tables};
 use crate::run::{Evaluation, RunDir};
 use crate::scene::{CloudSource, SceneSource};
@@ -35,6 +35,15 @@ pub struct TrainArgs {
     /// instant-ngp write it, or `builtin[:WIDTH]` for the scene that the program makes itself
     #[arg(long, value_name = "DIR", default_value = "builtin")]
     scene: SceneSource,
+
+    /// Make the scene from the photographs in this folder first, as `gspotential scene` does; it
+    /// becomes the folder DIR-scene beside them
+    #[arg(long, value_name = "DIR", requires = "weights", conflicts_with_all = ["scene", "cloud", "dry_run"])]
+    photographs: Option<PathBuf>,
+
+    /// Weights of the network that finds their cameras; `gspotential scene --help` says which
+    #[arg(long, value_name = "FILE", requires = "photographs")]
+    weights: Option<PathBuf>,
 
     /// Run directory to write [default: runs/<scene>-<preset>-seed<seed>]
     #[arg(long, value_name = "RUN")]
@@ -102,7 +111,7 @@ pub struct TrainArgs {
     /// Go on with a run that was stopped, with everything as it was started; how it is measured
     /// may be said again
     #[arg(long, value_name = "RUN", conflicts_with_all = [
-        "scene", "out", "preset", "config", "settings", "iterations", "max_size", "max_points",
+        "scene", "photographs", "weights", "out", "preset", "config", "settings", "iterations", "max_size", "max_points",
         "seed", "refine_poses", "train_views", "test_views", "cloud", "eval_every", "overwrite",
         "dry_run",
     ])]
@@ -122,7 +131,7 @@ pub struct TrainArgs {
 }
 
 impl TrainArgs {
-    pub fn run(self) -> Result<()> {
+    pub fn run(mut self) -> Result<()> {
         let checkpoint_every = self.checkpoint_every.map(NonZeroU32::get);
         if let Some(root) = &self.resume {
             let how = (checkpoint_every, self.profile);
@@ -144,6 +153,9 @@ impl TrainArgs {
         let config = self.resolved_config()?;
         check_names("--train-views", self.train_views.as_deref())?;
         check_names("--test-views", self.test_views.as_deref())?;
+        if let Some(photographs) = &self.photographs {
+            self.scene = SceneSource::Folder(make_scene(photographs, self.weights.clone())?);
+        }
         let job = TrainJob::new(self.scene.clone(), config)?;
         let job = TrainJob {
             cloud: match self.cloud {
@@ -196,6 +208,33 @@ fn report(run: &RunDir, evaluation: &Evaluation, profile: bool) -> Result<()> {
     }
     log::info!("wrote {}", run.root().display());
     Ok(())
+}
+
+/// A scene of the photographs in a folder, beside it; returns its folder.
+fn make_scene(photographs: &Path, weights: Option<PathBuf>) -> Result<PathBuf> {
+    let folder = photographs.canonicalize().map_err(|e| {
+        Error::new(format!("cannot open the photographs: {e}")).at_path(photographs)
+    })?;
+    let name = folder
+        .file_name()
+        .map_or_else(Default::default, |name| name.to_os_string());
+    let mut scene_name = name;
+    scene_name.push("-scene");
+    let scene = folder.with_file_name(scene_name);
+    if scene.exists() {
+        return Err(Error::new("is there already")
+            .at_path(&scene)
+            .way_out(format!(
+                "train on it with --scene {}, or remove it",
+                scene.display()
+            )));
+    }
+    let options = PriorOptions {
+        weights,
+        ..PriorOptions::default()
+    };
+    pipeline::scene_of_photographs(&[folder], &options, &scene)?;
+    Ok(scene)
 }
 
 fn check_names(option: &str, names: Option<&[String]>) -> Result<()> {

@@ -241,7 +241,8 @@ fn stems_of_pose(name: &str) -> Vec<&str> {
     }
 }
 
-fn is_read(name: &str) -> bool {
+/// Whether the name's suffix is of a format of photographs that is read.
+pub(super) fn is_read(name: &str) -> bool {
     has_suffix(name, &READ)
 }
 

@@ -6,6 +6,7 @@ pub mod builtin;
 mod cloud;
 mod cut_out;
 mod decode;
+mod exif;
 mod fitted;
 mod formats;
 mod image_file;
@@ -17,12 +18,14 @@ mod lens;
 mod load;
 mod lookup;
 mod masks;
+mod photographs;
 mod ply;
 mod protocol;
 mod source;
 mod split;
 mod stamp;
 mod undistort;
+mod write;
 
 pub use source::{CloudSource, DEFAULT_BUILTIN_WIDTH, SceneSource};
 
@@ -34,7 +37,9 @@ use crate::config::{Config, OutsideMask};
 pub use cloud::{random_like, read_cloud, thin};
 pub use formats::other_clouds;
 pub use load::{load, load_builtin};
+pub use photographs::{Photograph, PhotographFile, find_photographs, read_photograph};
 pub use protocol::PoseProtocol;
+pub use write::{write_cloud, write_model};
 
 /// A scene ready to train on. Images of the training and test views are decoded, at the size
 /// the limits ask for; cameras match them.

@@ -2,7 +2,7 @@
 //! backward, values worked out by hand, and reference cases from disk.
 
 pub mod fixture;
-mod npy;
+pub mod npy;
 
 mod comparison;
 mod fixtures;

@@ -1,0 +1,11 @@
+//! Cameras refined and one cloud made from the depth maps of several views.
+
+mod adjust;
+mod cloud;
+mod depth;
+mod edges;
+mod luma;
+
+pub use adjust::{Adjusted, adjust};
+pub use cloud::{Cloud, CloudOptions, cloud};
+pub use depth::{DepthMap, scale_of_cameras, scale_to_points};
