@@ -19,7 +19,8 @@ Examples:
 Runs go to OUT/runs/ and are never trained twice: a study that was interrupted, or that had a run
 fail, goes on where it stopped, and studies with the same options share runs in one OUT. A run of
 another config or scene under the same name is refused. The report is OUT/STUDY.md, with the
-figures in .csv and .json and the pictures in .svg beside it. OUT/STUDY.html shows the runs and
+figures in .csv and .json and the pictures in .svg beside it; where a study is about several
+methods, OUT/STUDY-renders.png has their renders side by side. OUT/STUDY.html shows the runs and
 their renders on one page.";
 
 /// Train what a table or figure of the paper needs, and report it

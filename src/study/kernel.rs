@@ -92,6 +92,7 @@ impl Study for KernelStudy {
                 ]);
                 let title = format!("{scene}: {label}");
                 let number = (i + 1).to_string();
+                let of_angle = by_angle(&title, angles, &potential, &survey.psnr);
                 let of_quality = scatter(
                     &title,
                     ("information potential U_info", &potential),
@@ -99,9 +100,7 @@ impl Study for KernelStudy {
                     angles,
                 );
                 for (words, plot) in [
-                    (vec!["kernel", "angle", scene, &number], {
-                        by_angle(&title, angles, &potential, &survey.psnr)
-                    }),
+                    (vec!["kernel", "angle", scene, &number], of_angle),
                     (vec!["kernel", scene, &number], of_quality),
                 ] {
                     report.pictures.push(Picture {

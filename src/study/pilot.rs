@@ -6,11 +6,12 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::plan::{Base, Variant};
-use super::quality::{LPIPS, PSNR, SCENE, SSIM, TO_MODEL, quality};
+use super::quality::{LPIPS, PSNR, SCENE, SSIM, TO_MODEL, difference, quality};
 use super::runs::{Finished, Results};
 use super::table::{Cell, Column, DataTable};
 use super::viewpoints::{Setting, cameras, psnr_at};
 use super::{Picture, Report, Study, file_name};
+use crate::camera::Camera;
 use crate::camera::compass::Compass;
 use crate::error::{Error, Result};
 use crate::field::{Field, angle};
@@ -18,7 +19,7 @@ use crate::gpu::Gpu;
 use crate::pipeline::{TrainJob, focus_of};
 use crate::report::plot::{MapMark, SphereMap};
 use crate::report::stats::Figure;
-use crate::scene::{CloudSource, SceneSource};
+use crate::scene::{CloudSource, SceneSource, View};
 
 /// On the scene's own split and cloud.
 const ALL: &str = "3dgs";
@@ -57,7 +58,7 @@ impl Study for Pilot {
                     .way_out("name 2 or more in its split.json"),
             );
         }
-        let names = |views: &[crate::scene::View]| -> Vec<String> {
+        let names = |views: &[View]| -> Vec<String> {
             let names = views.iter().map(|view| view.camera.name.clone());
             names.collect()
         };
@@ -138,7 +139,7 @@ fn surveys(gpu: &Gpu, results: &Results, scene: &str) -> Result<[Surveyed; 2]> {
     let directions: Vec<DVec3> = directions.collect();
     let train = cameras(&setting.scene.train);
     let compass = Compass::of_cameras(&train, setting.focus.center)?;
-    let survey = |runs: &[&Finished], train: &[crate::camera::Camera], frame| {
+    let survey = |runs: &[&Finished], train: &[Camera], frame| {
         let field = Field::new(train, &setting.focus, &first.job.config.field);
         let angles = directions.iter().map(|d| field.u_conf(*d).to_degrees());
         let names = train.iter().map(|camera| camera.name.clone());
@@ -313,7 +314,7 @@ fn valley_rows(table: &mut DataTable, scene: &str, survey: &Surveyed) {
             Some(Figure::exact(gap)).into(),
             ends.into(),
             midway.into(),
-            super::quality::difference(ends, midway).into(),
+            difference(ends, midway).into(),
         ]);
     }
 }
@@ -322,7 +323,7 @@ fn valley_rows(table: &mut DataTable, scene: &str, survey: &Surveyed) {
 fn claims(one: &Surveyed, all: &Surveyed) -> String {
     let peak = |survey: &Surveyed| {
         let (near, far) = (survey.within(0.0..15.0).0, survey.within(45.0..180.0).0);
-        super::quality::difference(near, far)
+        difference(near, far)
     };
     let drops = all.neighbours();
     let drops = drops.iter().filter_map(|&(i, j, middle)| {
