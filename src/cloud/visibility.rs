@@ -81,31 +81,36 @@ impl Visibility {
             .iter()
             .map(|p| frame.to_canonical(*p))
             .collect();
-        let seen: Vec<Vec<u32>> = positions
-            .par_iter()
-            .map(|p| {
-                let sees = |map: &DepthMap| map.sees(*p, near, config.depth_tolerance);
-                (0..)
-                    .zip(&maps)
-                    .filter(|(_, m)| sees(m))
-                    .map(|(i, _)| i)
-                    .collect()
+        // A list for each point of millions would take more room than all else.
+        let runs: Vec<(Vec<u32>, Vec<usize>)> = positions
+            .par_chunks(POINTS_A_RUN)
+            .map(|points| {
+                let (mut seen, mut ends) = (Vec::new(), Vec::with_capacity(points.len()));
+                for p in points {
+                    let sees = |map: &DepthMap| map.sees(*p, near, config.depth_tolerance);
+                    seen.extend((0..).zip(&maps).filter(|(_, m)| sees(m)).map(|(i, _)| i));
+                    ends.push(seen.len());
+                }
+                (seen, ends)
             })
             .collect();
+        let mut seen_by: Vec<u32> =
+            Vec::with_capacity(runs.iter().map(|(seen, _)| seen.len()).sum());
+        let mut first = Vec::with_capacity(positions.len() + 1);
+        first.push(0);
+        for (seen, ends) in runs {
+            first.extend(ends.iter().map(|end| seen_by.len() + end));
+            seen_by.extend(seen);
+        }
         let mut points = Points::new(cloud, frame)?;
         points.measure_discs(frame, train);
-        let mut first = vec![0];
-        first.extend(seen.iter().scan(0, |end, cameras| {
-            *end += cameras.len();
-            Some(*end)
-        }));
         Ok(Visibility {
             frame: *frame,
             near,
             points,
             positions,
             centers: maps.iter().map(|map| map.camera.center()).collect(),
-            seen_by: seen.into_iter().flatten().collect(),
+            seen_by,
             first,
             cos_max_angle: config.max_angle_deg.to_radians().cos(),
         })
@@ -188,6 +193,15 @@ pub fn candidate_shares(
         .collect();
     let supports = visibility.measure(&miniatures, &config.splat)?;
     Ok(supports.iter().map(|s| s.visible_share).collect())
+}
+
+/// Points whose cameras are listed together.
+const POINTS_A_RUN: usize = 1 << 14;
+
+/// Bytes a point that finding what sees it takes at most, with so many training cameras, beside those
+/// of splatting it.
+pub fn bytes_a_point(n_cameras: usize) -> usize {
+    size_of::<DVec3>() + splat::BYTES_A_POINT + size_of::<usize>() + n_cameras * size_of::<u32>()
 }
 
 /// Depths of the nearest points in a training view, at a low resolution.

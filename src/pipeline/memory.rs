@@ -1,6 +1,7 @@
 //! What a run will need, told before it trains.
 
 use super::Prepared;
+use crate::cloud::{splat, visibility};
 use crate::config::Config;
 use crate::gaussians::Gaussians;
 use crate::gpu::Gpu;
@@ -43,6 +44,7 @@ impl Forecast {
                     cloud_bytes(&scene.cloud) + carved.unwrap_or(0),
                 ),
                 ("first Gaussians", gaussian_bytes(start)),
+                ("its points, for a while", splatting_bytes(scene, config)),
             ],
         }
     }
@@ -75,6 +77,17 @@ fn image_bytes(views: &[View]) -> u64 {
 fn cloud_bytes(cloud: &PointCloud) -> u64 {
     let confidence = cloud.confidence.as_deref().map_or(0, size_of_val);
     (size_of_val(&cloud.positions[..]) + size_of_val(&cloud.colors[..]) + confidence) as u64
+}
+
+/// What preparation needs beside the cloud itself while it splats it, which is more than loading does: a
+/// PLY's own bytes are gone by then.
+fn splatting_bytes(scene: &Scene, config: &Config) -> u64 {
+    let is_weighed = config.views.visibility.mask_angle_deg.is_some() && config.views.count > 0;
+    let visibility = match is_weighed {
+        true => visibility::bytes_a_point(scene.train.len()),
+        false => 0,
+    };
+    (scene.cloud.len() * (splat::BYTES_A_POINT + visibility)) as u64
 }
 
 fn gaussian_bytes(gaussians: &Gaussians) -> u64 {

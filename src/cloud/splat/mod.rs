@@ -27,7 +27,7 @@ mod z_buffer;
 pub(crate) use disc::{Blend, Disc};
 pub use fill::fill_holes;
 pub(crate) use filter::Filter;
-pub(crate) use points::Points;
+pub(crate) use points::{BYTES_A_POINT, Points};
 pub(crate) use z_buffer::{Winner, ZBuffer};
 
 use glam::DVec3;

@@ -23,6 +23,9 @@ pub(crate) struct Points {
     radii: Vec<f64>,
 }
 
+/// Bytes that each point takes in [`Points`], without its disc.
+pub(crate) const BYTES_A_POINT: usize = 3 * size_of::<f64>();
+
 impl Points {
     /// # Errors
     /// More than 2^32 - 2 points: a pixel keeps its point's index in 32 bits.
