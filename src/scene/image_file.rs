@@ -31,10 +31,10 @@ pub(super) fn open_image(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, (u32, 
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
         .map_err(|e| undecodable(e.into()))?;
-    use ImageFormat::{Bmp, Jpeg, Png, Tiff, WebP};
-    if !matches!(reader.format(), Some(Png | Jpeg | WebP | Tiff | Bmp)) {
+    use ImageFormat::{Bmp, Jpeg, Png, WebP};
+    if !matches!(reader.format(), Some(Png | Jpeg | WebP | Bmp)) {
         return Err(Error::new(format!(
-            "neither a PNG nor a JPEG, WEBP, TIFF or BMP image{}",
+            "neither a PNG nor a JPEG, WEBP or BMP image{}",
             other_kind(bytes).map_or(String::new(), |kind| format!(" but {kind}"))
         ))
         .way_out("convert it to PNG or JPEG"));
@@ -86,6 +86,8 @@ fn other_kind(bytes: &[u8]) -> Option<&'static str> {
         {
             "a HEIC"
         }
+        // Its decoder takes a thousand times a file's size where the file says so.
+        [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..] => "a TIFF",
         [b'G', b'I', b'F', b'8', ..] => "a GIF",
         [0xff, 0x0a, ..] | [0, 0, 0, 0x0c, b'J', b'X', b'L', ..] => "a JPEG XL",
         [b'8', b'B', b'P', b'S', ..] => "a Photoshop file",
@@ -108,7 +110,7 @@ pub(super) fn size_of(path: &Path) -> Result<(u32, u32)> {
 
 fn undecodable(e: image::ImageError) -> Error {
     Error::new(format!("cannot decode the image: {e}")).way_out(format!(
-        "give PNG, JPEG, WEBP, TIFF or BMP files of at most {MAX_SIDE} pixels a side"
+        "give PNG, JPEG, WEBP or BMP files of at most {MAX_SIDE} pixels a side"
     ))
 }
 

@@ -8,15 +8,13 @@ use std::rc::Rc;
 use unicode_normalization::UnicodeNormalization;
 
 /// File extensions of photographs that are read, in small letters.
-const READ: [&str; 9] = [
-    "jpg", "jpeg", "jpe", "jfif", "png", "webp", "tif", "tiff", "bmp",
-];
+const READ: [&str; 7] = ["jpg", "jpeg", "jpe", "jfif", "png", "webp", "bmp"];
 
 /// Those of photographs that are not: raw ones, some of which are TIFF files whose first image is a
 /// thumbnail, and formats without a decoder here.
-const UNREAD: [&str; 24] = [
-    "heic", "heif", "avif", "jxl", "jp2", "gif", "exr", "hdr", "tga", "pgm", "ppm", "pnm", "psd",
-    "cr2", "cr3", "nef", "arw", "dng", "raf", "orf", "rw2", "pef", "srw", "insp",
+const UNREAD: [&str; 26] = [
+    "tif", "tiff", "heic", "heif", "avif", "jxl", "jp2", "gif", "exr", "hdr", "tga", "pgm", "ppm",
+    "pnm", "psd", "cr2", "cr3", "nef", "arw", "dng", "raf", "orf", "rw2", "pef", "srw", "insp",
 ];
 
 /// More parts than this has no path that is looked up.

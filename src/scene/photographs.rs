@@ -45,7 +45,7 @@ pub fn find_photographs(paths: &[PathBuf]) -> Result<Vec<PhotographFile>> {
         if path.is_dir() {
             let names = photographs_in(path)?;
             if names.is_empty() {
-                let what = "holds no photograph (JPEG, PNG, WEBP, TIFF or BMP)";
+                let what = "holds no photograph (JPEG, PNG, WEBP or BMP)";
                 return Err(Error::new(what).at_path(path));
             }
             let of = |name: String| PhotographFile {

@@ -46,7 +46,7 @@ impl Target {
 /// A reader's name, the folder that it reads from, the file in it that is damaged, the reader.
 type Entry = (&'static str, fn() -> Folder, &'static str, Read);
 
-const READERS: [Entry; 24] = [
+const READERS: [Entry; 23] = [
     ("colmap-cameras-txt", small, "sparse/0/cameras.txt", scene),
     ("colmap-images-txt", small, "sparse/0/images.txt", scene),
     (
@@ -68,7 +68,6 @@ const READERS: [Entry; 24] = [
     ("image-png", small, "images/a.png", scene),
     ("image-jpeg", with_jpeg, "images/a.png", scene),
     ("image-webp", with_webp, "images/a.png", scene),
-    ("image-tiff", with_tiff, "images/a.png", scene),
     ("image-bmp", with_bmp, "images/a.png", scene),
     ("mask", with_mask, "masks/a.png", scene),
     (
@@ -214,10 +213,6 @@ fn with_jpeg() -> Folder {
 
 fn with_webp() -> Folder {
     with_photograph(image::ImageFormat::WebP)
-}
-
-fn with_tiff() -> Folder {
-    with_photograph(image::ImageFormat::Tiff)
 }
 
 fn with_bmp() -> Folder {
