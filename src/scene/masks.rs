@@ -20,6 +20,9 @@ const THRESHOLD: u8 = 128;
 /// An alpha channel that leaves out, or one that keeps, no more than this share of the pixels is no
 /// mask: editors and resizers leave such pixels behind, and failed segmentations.
 const MIN_SHARE: f64 = 1e-3;
+/// A photograph that is more transparent than this throughout is a veil over the background; rounding
+/// and dithering of an opaque one stay below.
+const MAX_VEIL: f64 = 0.01;
 
 /// A scene's folder of masks, `masks/`.
 pub(super) struct Masks(Option<PathBuf>);
@@ -143,10 +146,12 @@ fn alpha_mask(photograph: &DynamicImage) -> Alpha {
     if alpha.iter().all(|&a| a == 255) {
         return Alpha::None;
     }
+    let n = alpha.len() as f64;
+    let few = MIN_SHARE * n;
     // In whole pixels: a veil over all of the photograph leaves something out, too.
     let kept = alpha.iter().map(|&a| f64::from(a)).sum::<f64>() / 255.0;
-    let few = MIN_SHARE * alpha.len() as f64;
-    if alpha.len() as f64 - kept <= few {
+    let n_out = alpha.iter().filter(|&&a| a < THRESHOLD).count() as f64;
+    if n_out <= few && n - kept <= MAX_VEIL * n {
         return Alpha::Unusable(Unbelieved::AlmostOpaque);
     }
     if kept <= few {

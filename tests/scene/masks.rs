@@ -308,3 +308,19 @@ fn an_alpha_channel_that_says_nothing_of_a_subject_is_no_mask_and_is_told() {
         }
     }
 }
+
+#[test]
+fn a_photograph_that_is_all_but_opaque_throughout_has_no_mask() {
+    for (alpha, is_mask) in [(254, false), (253, false), (252, true)] {
+        let folder = Folder::with_views(&NAMES);
+        let image = RgbaImage::from_pixel(SIZE.0, SIZE.1, Rgba([90, 60, 30, alpha]));
+        folder.write("images/a.png", bytes(image));
+        let scene = folder.scene();
+        assert_eq!(scene.train[0].mask.is_some(), is_mask, "{alpha}");
+        let told = scene
+            .warnings
+            .iter()
+            .any(|w| w.contains("next to nothing out"));
+        assert_eq!(told, !is_mask, "{alpha}: {:?}", scene.warnings);
+    }
+}
