@@ -9,10 +9,11 @@
 //
 // In terms of the residual e = x - y and with V the sum of both variances,
 //   ssim = (1 - mu_e^2 / (mu_x^2 + mu_y^2 + C1)) (1 - var_e / (V + C2)).
-// Variances are formed about the mean of each row of the window and then of the rows: as a
-// difference of moments they would lose, in flat windows, all but a hundred times the rounding
-// of their squares. The gradient goes by y, whose factor is small where the images are alike, and by
-// e less the mean residual of four pixels nearby, so that a residual does not cancel that all pixels share.
+// Variances are formed about the mean of the window's middle pixels, row by row, and then of the rows:
+// formed about 0 they would lose all their digits in flat windows. An edge in the middle costs few,
+// because those pixels have the most weight: the variance is then as large as the square that is taken off.
+// The gradient goes by y, whose factor is small where the images are alike, and by e less the mean
+// residual of four pixels nearby, so that a residual does not cancel that all pixels share.
 #import shared/view
 #import shared/loss
 
@@ -147,41 +148,43 @@ fn place(group: vec3u, groups: vec3u, local: u32, across: u32, rows: u32, channe
     return Place((rest % n_columns) * across, (rest / n_columns) * rows, channel, channel < channels);
 }
 
-// Weights, residuals less that of the middle four, and goal of twenty pixels of a row.
-struct Row {
-    m: Strip,
-    e: Strip,
-    y: Strip,
+// Means of e and y, sum of the variances of x and y, and variance of e in the rows of the windows
+// about four pixels, from twenty: their weights `m`, and e and y less those of the middle four, `about`,
+// which all the windows hold. `norm` is the rows' weight.
+fn row_moments(m: Strip, e: Strip, y: Strip, about: vec2f, norm: vec4f) -> Quad {
+    var m_e: Strip;
+    var m_y: Strip;
+    var both: Strip;
+    var squares: Strip;
+    #repeat b 5
+    {
+        let x = e.v{b} + y.v{b};
+        m_e.v{b} = m.v{b} * e.v{b};
+        m_y.v{b} = m.v{b} * y.v{b};
+        squares.v{b} = m_e.v{b} * e.v{b};
+        both.v{b} = m.v{b} * (x * x + y.v{b} * y.v{b});
+    }
+    #end
+    let inv_norm = select(vec4f(0.0), 1.0 / norm, norm > vec4f(0.0));
+    let mean_e = convolve(m_e) * inv_norm;
+    let mean_y = convolve(m_y) * inv_norm;
+    let mean_x = mean_e + mean_y;
+    return Quad(
+        about.x + mean_e,
+        about.y + mean_y,
+        convolve(both) * inv_norm - (mean_x * mean_x + mean_y * mean_y),
+        convolve(squares) * inv_norm - mean_e * mean_e,
+    );
 }
 
-// Means of e and y, sum of the variances of x and y, and variance of e in the rows of the windows
-// about four pixels, of which `residual` is the mean one. `norm` is the rows' weight.
-fn row_moments(row: Row, residual: f32, norm: vec4f) -> Quad {
-    let inv_norm = select(vec4f(0.0), 1.0 / norm, norm > vec4f(0.0));
-    var mean_e = vec4f(0.0);
-    var mean_y = vec4f(0.0);
-    #repeat k SSIM_WINDOW
-    {
-        let m = WINDOW[{k}] * tap_{k}(row.m);
-        mean_e += m * tap_{k}(row.e);
-        mean_y += m * tap_{k}(row.y);
-    }
-    #end
-    mean_e *= inv_norm;
-    mean_y *= inv_norm;
-    var both = vec4f(0.0);
-    var of_e = vec4f(0.0);
-    #repeat k SSIM_WINDOW
-    {
-        let m = WINDOW[{k}] * tap_{k}(row.m);
-        let e = tap_{k}(row.e) - mean_e;
-        let y = tap_{k}(row.y) - mean_y;
-        let x = e + y;
-        both += m * (x * x + y * y);
-        of_e += m * (e * e);
-    }
-    #end
-    return Quad(residual + mean_e, mean_y, both * inv_norm, of_e * inv_norm);
+fn less(s: Strip, x: f32) -> Strip {
+    return Strip(s.v0 - x, s.v1 - x, s.v2 - x, s.v3 - x, s.v4 - x);
+}
+
+// Means of e and y over four pixels or, where none of these counts, over their neighbours.
+fn middle(before: vec3f, own: vec3f, after: vec3f) -> vec2f {
+    let beside = (before.xy * before.z + after.xy * after.z) / max(before.z + after.z, 1.0);
+    return select(beside, own.xy, own.z > 0.0);
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -202,7 +205,6 @@ fn ssim_horizontal(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups)
         norm = convolve_wide(m);
         keep_moments(NORM_PLANE, at, norm);
     }
-    // bound: 3 turns.
     for (var channel = 0u; channel < 3u; channel++) {
         #repeat b 8
         let x4_{b} = u32(clamp(i32(at.x4) + {b} - 2, 0, i32(view.planes.y) - 1));
@@ -210,20 +212,36 @@ fn ssim_horizontal(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups)
         let goal_{b} = channel_of(raw_{b}, channel);
         let y_{b} = select(vec4f(0.0), goal_{b}, counts_{b});
         let e_{b} = select(vec4f(0.0), rendered[plane_index(view, channel, x4_{b}, at.y)] - goal_{b}, counts_{b});
-        let residual_{b} = mean_of(e_{b}, counts_{b});
+        let means_{b} = vec3f(mean_of(e_{b}, counts_{b}), mean_of(y_{b}, counts_{b}), f32(any(counts_{b})));
         #end
-        let r_0 = row_moments(Row(
-            Strip(m.v0, m.v1, m.v2, m.v3, m.v4), Strip(e_0 - residual_2, e_1 - residual_2, e_2 - residual_2, e_3 - residual_2, e_4 - residual_2), Strip(y_0, y_1, y_2, y_3, y_4),
-        ), residual_2, norm.v0);
-        let r_1 = row_moments(Row(
-            Strip(m.v1, m.v2, m.v3, m.v4, m.v5), Strip(e_1 - residual_3, e_2 - residual_3, e_3 - residual_3, e_4 - residual_3, e_5 - residual_3), Strip(y_1, y_2, y_3, y_4, y_5),
-        ), residual_3, norm.v1);
-        let r_2 = row_moments(Row(
-            Strip(m.v2, m.v3, m.v4, m.v5, m.v6), Strip(e_2 - residual_4, e_3 - residual_4, e_4 - residual_4, e_5 - residual_4, e_6 - residual_4), Strip(y_2, y_3, y_4, y_5, y_6),
-        ), residual_4, norm.v2);
-        let r_3 = row_moments(Row(
-            Strip(m.v3, m.v4, m.v5, m.v6, m.v7), Strip(e_3 - residual_5, e_4 - residual_5, e_5 - residual_5, e_6 - residual_5, e_7 - residual_5), Strip(y_3, y_4, y_5, y_6, y_7),
-        ), residual_5, norm.v3);
+        let about_0 = middle(means_1, means_2, means_3);
+        let r_0 = row_moments(
+            Strip(m.v0, m.v1, m.v2, m.v3, m.v4),
+            less(Strip(e_0, e_1, e_2, e_3, e_4), about_0.x),
+            less(Strip(y_0, y_1, y_2, y_3, y_4), about_0.y),
+            about_0, norm.v0,
+        );
+        let about_1 = middle(means_2, means_3, means_4);
+        let r_1 = row_moments(
+            Strip(m.v1, m.v2, m.v3, m.v4, m.v5),
+            less(Strip(e_1, e_2, e_3, e_4, e_5), about_1.x),
+            less(Strip(y_1, y_2, y_3, y_4, y_5), about_1.y),
+            about_1, norm.v1,
+        );
+        let about_2 = middle(means_3, means_4, means_5);
+        let r_2 = row_moments(
+            Strip(m.v2, m.v3, m.v4, m.v5, m.v6),
+            less(Strip(e_2, e_3, e_4, e_5, e_6), about_2.x),
+            less(Strip(y_2, y_3, y_4, y_5, y_6), about_2.y),
+            about_2, norm.v2,
+        );
+        let about_3 = middle(means_4, means_5, means_6);
+        let r_3 = row_moments(
+            Strip(m.v3, m.v4, m.v5, m.v6, m.v7),
+            less(Strip(e_3, e_4, e_5, e_6, e_7), about_3.x),
+            less(Strip(y_3, y_4, y_5, y_6, y_7), about_3.y),
+            about_3, norm.v3,
+        );
         let plane = N_MOMENTS * channel;
         #repeat k 4
         keep_moments(plane + {k}u, at, Quad(r_0.v{k}, r_1.v{k}, r_2.v{k}, r_3.v{k}));
@@ -371,7 +389,6 @@ fn ssim_horizontal_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_wo
     if (!at.inside || at.y >= view.size.y) {
         return;
     }
-    // bound: 3 turns.
     for (var channel = 0u; channel < 3u; channel++) {
         var own: Wide;
         var d_e: Wide;

@@ -136,8 +136,8 @@ const PLANTS: [Plant; 35] = [
     plant("ssim", "+ row_e * (residual - of_row);", ";", stage::LOSS),
     plant(
         "ssim",
-        "return Quad(residual + mean_e,",
-        "return Quad(1.0001 * residual + mean_e,",
+        "about.x + mean_e,",
+        "1.0001 * about.x + mean_e,",
         stage::LOSS,
     ),
     plant(
