@@ -4,8 +4,10 @@
 #import shared/sh
 
 struct Step {
-    // Optical centres of the step's views; w: 1 where the view takes part.
+    // Optical centres of the step's views; w: 1 where the view takes part. Their low parts hold the
+    // digits that f32 has no room for.
     centers: array<vec4f, 2>,
+    centers_low: array<vec4f, 2>,
     // Learning rates: planes 0 to 2 of the geometry, then x: SH degree 0, y: higher degrees.
     rates: array<vec4f, 4>,
     // beta1, beta2, 1 - beta1, 1 - beta2: the difference would lose three digits here.
@@ -70,8 +72,8 @@ struct ShGradient {
 fn sh_gradient(id: u32) -> ShGradient {
     let mean = source[id].xyz;
     // A Gaussian at an optical centre is never drawn: its direction only must not be NaN.
-    let offset_0 = mean - step.centers[0].xyz;
-    let offset_1 = mean - step.centers[1].xyz;
+    let offset_0 = (mean - step.centers[0].xyz) - step.centers_low[0].xyz;
+    let offset_1 = (mean - step.centers[1].xyz) - step.centers_low[1].xyz;
     return ShGradient(
         sh_basis(offset_0 / max(length(offset_0), 1e-30)),
         sh_basis(offset_1 / max(length(offset_1), 1e-30)),

@@ -4,7 +4,7 @@ use std::process::Command;
 
 use gspotential::camera::json::read_cameras;
 use gspotential::camera::{Camera, Frame};
-use gspotential::config::{Config, Footprint};
+use gspotential::config::Config;
 use gspotential::error::Result;
 use gspotential::eval::PoseErrors;
 use gspotential::pipeline::{load_scene, prepare};
@@ -16,14 +16,11 @@ use gspotential::train::{Observer, PoseAdam, State, Trained, Trainer, pose_rates
 use crate::gpu::rig::context;
 
 fn config(iterations: u32, refine: bool) -> Config {
-    let mut config = Config::preset("paper").expect("a preset");
+    let mut config = Config::preset("gspotential").expect("a preset");
     config.iterations = iterations;
     config.views.count = 6;
     config.scene.max_points = Some(3000);
     config.poses.refine = refine;
-    // Six views and few points: with wide footprints and unbounded scales the start says little.
-    config.splat.footprint = Footprint::Pixel;
-    config.model.max_initial_scale_ratio = Some(10.0);
     config
 }
 

@@ -20,8 +20,8 @@ const N: usize = 130;
 const STEPS: u32 = 8;
 const EXTENT: f64 = 1.75;
 
-/// Optical centres of a step's views.
-pub const CENTERS: [[f32; 3]; 2] = [[1.5, -0.5, 0.25], [-0.75, 0.5, 2.0]];
+/// Optical centres of a step's views, which `f32` cannot hold.
+pub const CENTERS: [[f64; 3]; 2] = [[1.6, -0.55, 0.23], [-0.7, 0.51, 2.03]];
 
 const CLASSES: [&str; 5] = ["means", "opacity", "scales", "rotations", "SH"];
 
@@ -97,7 +97,7 @@ impl Drawn {
             let mean: Vec3 = [mean[0], mean[1], mean[2]];
             let mut coefficients = vec![[0.0; 3]; n_sh];
             for (v, center) in CENTERS[..n_views].iter().enumerate() {
-                let (direction, _) = normalize(&sub(&mean, &center.map(f64::from)));
+                let (direction, _) = normalize(&sub(&mean, center));
                 let color = &self.color[4 * (v * self.stride + i)..][..3];
                 let active = (degree as usize + 1).pow(2);
                 for (coefficient, y) in coefficients
@@ -172,7 +172,12 @@ pub fn examine(ctx: &Context, stored: u32, n_views: usize, frozen_beyond: f32) -
     let gpu = &ctx.gpu;
     let config = config()?;
     let case = random_scene(N, stored as usize, 80 + u64::from(stored));
-    let start = gaussians_of(&case.gaussians, stored);
+    let mut start = gaussians_of(&case.gaussians, stored);
+    if frozen_beyond.is_finite() {
+        // It stays where it is, a ten-thousandth of the scene from a camera: an error of that place would
+        // show ten-thousandfold in the direction.
+        start.means[0] = CENTERS[0].map(|x| (x + 5e-5) as f32).into();
+    }
     let n_sh = start.n_sh();
     let stride = N + 7;
     let optimizer = Optimizer::new(gpu, Model::upload(gpu, &start, stride)?)?;

@@ -24,5 +24,6 @@ pub use pass::Pass;
 pub use pose::{PoseGradient, PoseKernels};
 pub use renderer::{Rendered, Renderer, read_rendered};
 pub use room::{Totals, read_totals};
+pub(crate) use uniforms::parts;
 pub use uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 pub use workspace::Workspace;

@@ -106,6 +106,11 @@ impl ViewUniform {
         self
     }
 
+    /// The optical centre, to more digits than `f32` has.
+    pub fn center(&self) -> [f64; 3] {
+        [0, 1, 2].map(|i| f64::from(self.center_near[i]) + f64::from(self.center_low[i]))
+    }
+
     pub fn n_tiles(&self) -> usize {
         self.size[2] as usize * self.size[3] as usize
     }
@@ -137,7 +142,7 @@ impl ViewUniform {
 }
 
 /// Numbers as `f32`, and what that leaves.
-fn parts(values: [f64; 4]) -> ([f32; 4], [f32; 4]) {
+pub(crate) fn parts(values: [f64; 4]) -> ([f32; 4], [f32; 4]) {
     let high = values.map(|v| v as f32);
     let low = std::array::from_fn(|i| (values[i] - f64::from(high[i])) as f32);
     (high, low)

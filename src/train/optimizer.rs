@@ -8,7 +8,7 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::gpu::shader::{self, Sources};
 use crate::gpu::{Buffer, Commands, Gpu, Kernel, Stage, by_degree, shader_count};
-use crate::render::{BLOCK_PLANES, Model, Workspace, most_gaussians, n_blocks};
+use crate::render::{BLOCK_PLANES, Model, Workspace, most_gaussians, n_blocks, parts};
 
 /// The kernels of this stage.
 pub struct OptimizerKernels {
@@ -46,6 +46,7 @@ impl OptimizerKernels {
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct StepUniform {
     pub centers: [[f32; 4]; 2],
+    pub centers_low: [[f32; 4]; 2],
     pub rates: [[f32; 4]; 4],
     pub betas: [f32; 4],
     pub corrections: [f32; 4],
@@ -55,13 +56,14 @@ pub struct StepUniform {
 
 impl StepUniform {
     /// The step after `iteration` steps. `centers` are the optical centres of its views.
-    pub fn new(config: &Config, iteration: u32, extent: f64, centers: &[[f32; 3]]) -> StepUniform {
+    pub fn new(config: &Config, iteration: u32, extent: f64, centers: &[[f64; 3]]) -> StepUniform {
         let o = &config.optimizer;
         let mean = schedule::mean_rate(o, iteration, config.iterations, extent) as f32;
         let (scale, rotation) = (o.scale_lr as f32, o.rotation_lr as f32);
         let t = f64::from(iteration) + 1.0;
         let mut step = StepUniform {
             centers: [[0.0; 4]; 2],
+            centers_low: [[0.0; 4]; 2],
             rates: [
                 [mean, mean, mean, o.opacity_lr as f32],
                 [scale, scale, scale, 0.0],
@@ -78,8 +80,8 @@ impl StepUniform {
             limits: [f32::INFINITY, 0.0, 0.0, 0.0],
             counts: [0; 4],
         };
-        for (slot, &[x, y, z]) in step.centers.iter_mut().zip(centers) {
-            *slot = [x, y, z, 1.0];
+        for (slot, &[x, y, z]) in centers.iter().enumerate() {
+            (step.centers[slot], step.centers_low[slot]) = parts([x, y, z, 1.0]);
         }
         step
     }

@@ -261,8 +261,7 @@ impl<'a> Trainer<'a> {
             {
                 pass.pose_backward(&mut commands, &refinement.kernels, gradient);
             }
-            let [x, y, z, _] = uniform.center_near;
-            centers.push([x, y, z]);
+            centers.push(uniform.center());
         }
         let step = StepUniform::new(config, iteration, self.supervision.extent, &centers)
             .within(self.supervision.frozen_beyond());

@@ -35,7 +35,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-const PLANTS: [Plant; 35] = [
+const PLANTS: [Plant; 36] = [
     plant(
         "project",
         "+ DILATION;",
@@ -218,6 +218,7 @@ const PLANTS: [Plant; 35] = [
         "vec4f(0.0), frozen && plane > 0u)",
         stage::ADAM,
     ),
+    plant("adam", " - step.centers_low[0].xyz", "", stage::ADAM),
     plant(
         "rearrange",
         "new_planes[plane * rearrange.new_stride + id]",

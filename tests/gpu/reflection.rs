@@ -55,7 +55,7 @@ fn host_layouts() -> BTreeMap<&'static str, Layout> {
         ("Radix", layout!(RadixUniform: n, pairs, shift, pad)),
         (
             "Step",
-            layout!(StepUniform: centers, rates, betas, corrections, limits, counts),
+            layout!(StepUniform: centers, centers_low, rates, betas, corrections, limits, counts),
         ),
         (
             "Rearrange",
