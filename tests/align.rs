@@ -2,13 +2,13 @@
 //! photographs.
 
 use std::path::Path;
-use std::process::{Command, Output};
 
 use glam::{DMat3, DQuat, DVec3};
 use gspotential::camera::{Camera, Frame, Similarity};
 use gspotential::scene::Scene;
 use gspotential::scene::builtin::{BuiltinOptions, scene};
 
+use crate::kit::program::{Ended, run, succeed};
 use crate::scene::build::Folder;
 use crate::scene::fixtures::{OPENGL, nerfstudio};
 
@@ -118,23 +118,13 @@ fn rewrite(folder: &Folder, scene: &Scene) {
     }
 }
 
-fn command(folder: &Path, line: &str) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gspotential"))
-        .args(line.split_whitespace())
-        .current_dir(folder)
-        .output()
-        .expect("the command starts")
-}
-
 /// Mean PSNR at the test views, dB, and the table.
 fn psnr(folder: &Path, align: &str) -> (f64, String) {
-    let output = command(folder, &format!("eval run --align {align}"));
-    let log = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{align}: {log}");
+    let output = succeed(folder, &format!("eval run --align {align}"));
     let eval = std::fs::read(folder.join("run/eval.json")).expect("written");
     let eval: serde_json::Value = serde_json::from_slice(&eval).expect("JSON");
     let psnr = eval["mean"]["psnr"].as_f64().expect("a PSNR");
-    (psnr, String::from_utf8(output.stdout).expect("text"))
+    (psnr, output.stdout)
 }
 
 /// Turned by about `degrees` about its centre, which moves by `shift`.
@@ -149,9 +139,7 @@ fn test_views_are_measured_alike_in_any_frame_and_fitted_poses_find_back() {
     let folder = nerfstudio(&own, OPENGL);
     let root = folder.path();
     let train = "train --scene . --out run --iterations 250 --set views.count=8 --max-points 3000";
-    let output = command(root, train);
-    let log = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{log}");
+    succeed(root, train);
     let (shared, table) = psnr(root, "shared");
     assert!(table.contains("in one frame"), "{table}");
 
@@ -191,9 +179,8 @@ fn test_views_are_measured_alike_in_any_frame_and_fitted_poses_find_back() {
         camera.translation = -(camera.rotation * eye);
     }
     rewrite(&folder, &moved);
-    let output = command(root, "eval run --align similarity");
-    let log = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(1), "{log}");
+    let Ended { code, log, .. } = run(root, "eval run --align similarity");
+    assert_eq!(code, Some(1), "{log}");
     assert!(
         log.contains("on a line") && log.contains("training cameras"),
         "{log}"

@@ -1,22 +1,14 @@
 //! The command itself: help, usage errors, exit codes.
 
 use std::path::Path;
-use std::process::{Command, Output};
 
 use gspotential::config::Config;
 use gspotential::run::{Memory, Metrics, RunDir, SceneRecord, Seconds};
 use gspotential::scene::PoseProtocol;
 
+use crate::kit::program::{command, ended, run, succeed};
 use crate::metrics::lpips_reference::{ALEX, generated};
 use crate::scene::build::{Folder, GOOD_PLY};
-
-fn run(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gspotential"))
-        .args(args)
-        .current_dir(folder)
-        .output()
-        .unwrap()
-}
 
 /// Asserts the exit code, and that a one-line error mentions all of `parts`.
 #[track_caller]
@@ -33,8 +25,8 @@ fn assert_fails(args: &[&str], code: i32, parts: &[&str]) {
 #[track_caller]
 fn assert_fails_in(folder: &Path, args: &[&str], code: i32, parts: &[&str]) {
     let output = run(folder, args);
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{args:?}: {stderr}");
+    let stderr = &output.log;
+    assert_eq!(output.code, Some(code), "{args:?}: {stderr}");
     assert!(output.stdout.is_empty(), "{args:?} wrote to stdout");
     for part in parts {
         assert!(stderr.contains(part), "{args:?}: no `{part}` in: {stderr}");
@@ -107,9 +99,7 @@ fn every_help_explains_its_options_and_gives_examples() {
             ],
         ),
     ] {
-        let output = run(folder.path(), args);
-        assert!(output.status.success());
-        let text = String::from_utf8(output.stdout).unwrap();
+        let text = succeed(folder.path(), args).stdout;
         assert!(text.contains("Examples:"), "{args:?}");
         for part in parts {
             assert!(text.contains(part), "{args:?}: no `{part}`");
@@ -150,9 +140,9 @@ fn usage_errors_exit_with_2() {
         assert_fails(args, 2, &[]);
     }
     // Without a command there is only help.
-    let output = run(Path::new("."), &[]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&output.stderr).contains("Usage:"));
+    let output = run(Path::new("."), "");
+    assert_eq!(output.code, Some(2));
+    assert!(output.log.contains("Usage:"));
 }
 
 #[test]
@@ -368,15 +358,13 @@ fn a_missing_adapter_names_the_package_and_leaves_nothing() {
         &["doctor", "--json", "doctor.json"],
     ] {
         let folder = tempfile::tempdir().unwrap();
-        let output = Command::new(env!("CARGO_BIN_EXE_gspotential"))
-            .args(args)
+        let mut hidden = command(folder.path(), args);
+        hidden
             .env("VK_ICD_FILENAMES", "/nonexistent.json")
-            .env("VK_DRIVER_FILES", "/nonexistent.json")
-            .current_dir(folder.path())
-            .output()
-            .unwrap();
-        let stderr = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(1), "{stderr}");
+            .env("VK_DRIVER_FILES", "/nonexistent.json");
+        let output = ended(&mut hidden);
+        let stderr = &output.log;
+        assert_eq!(output.code, Some(1), "{stderr}");
         assert_eq!(stderr.lines().count(), 1, "{stderr}");
         assert!(stderr.contains("mesa-vulkan-drivers"), "{stderr}");
         // Else the same command would be refused once the driver is there.
@@ -445,8 +433,11 @@ fn render_refuses_what_is_no_model_and_no_camera() {
         "--out",
         "v",
     ];
-    let output = run(folder.path(), &[&args[..], &["--views", "nobody"]].concat());
-    let line = String::from_utf8_lossy(&output.stderr);
+    let output = run(
+        folder.path(),
+        &[&args[..], &["--views", "nobody"]].concat()[..],
+    );
+    let line = &output.log;
     assert!(line.len() < 300, "lists all of them: {line}");
 }
 

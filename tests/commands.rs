@@ -2,25 +2,11 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 
 use gspotential::doctor::stage;
 
+use crate::kit::program::{run, succeed};
 use crate::metrics::lpips_reference::{ALEX, generated};
-
-fn run(folder: &Path, args: &[&str]) -> Output {
-    let output = Command::new(env!("CARGO_BIN_EXE_gspotential"))
-        .args(args)
-        .current_dir(folder)
-        .output()
-        .expect("the command starts");
-    assert!(
-        output.status.success(),
-        "{args:?}: {}",
-        String::from_utf8_lossy(&output.stderr)
-    );
-    output
-}
 
 fn json(path: &Path) -> serde_json::Value {
     serde_json::from_slice(&fs::read(path).expect("a file")).expect("JSON")
@@ -41,11 +27,10 @@ fn a_run_holds_what_the_readme_says_and_can_be_evaluated_and_rendered() {
     let at = |path: &str| folder.path().join(path);
     let train = "train --scene builtin:32 --iterations 5 --seed 3 --set views.count=6 \
                  --set scene.n_test=2 --max-points 200";
-    let train: Vec<&str> = train.split_whitespace().collect();
-    let output = run(folder.path(), &train);
-    let table = String::from_utf8(output.stdout).unwrap();
+    let output = succeed(folder.path(), train);
+    let table = output.stdout;
     assert!(table.contains("| **mean of 2** |"), "{table}");
-    let log = String::from_utf8(output.stderr).unwrap();
+    let log = output.log;
     assert!(log.contains("adapter: ") && log.contains("5/5 "), "{log}");
 
     let root = "runs/builtin-gspotential-seed3";
@@ -83,18 +68,15 @@ fn a_run_holds_what_the_readme_says_and_can_be_evaluated_and_rendered() {
     // What is measured again is what was measured: both start from the file.
     let image = fs::read(at(root).join("test/test_00.png")).unwrap();
     fs::remove_file(at(root).join("eval.json")).unwrap();
-    let output = run(folder.path(), &["eval", root]);
-    assert_eq!(
-        String::from_utf8(output.stdout).unwrap().trim(),
-        table.trim()
-    );
+    let output = succeed(folder.path(), &["eval", root]);
+    assert_eq!(output.stdout.trim(), table.trim());
     assert_eq!(json(&at(root).join("eval.json")), trained);
 
     let model = format!("{root}/point_cloud.ply");
     let cameras = format!("{root}/cameras.json");
     let render = |out: &str, rest: &[&str]| {
         let args = ["render", "--model", &model, "--out", out];
-        run(folder.path(), &[&args[..], rest].concat());
+        succeed(folder.path(), &[&args[..], rest].concat()[..]);
         file_names(&at(out))
     };
     let virtual_views: Vec<String> = (0..6).map(|i| format!("virtual_00{i}.exr")).collect();
@@ -123,8 +105,8 @@ fn a_run_holds_what_the_readme_says_and_can_be_evaluated_and_rendered() {
     bytes[start..start + 4].copy_from_slice(&f32::NAN.to_le_bytes());
     fs::write(at("nan.ply"), bytes).unwrap();
     let args = "render --model nan.ply --scene builtin:32 --views test_00.png --out e";
-    let output = run(folder.path(), &args.split(' ').collect::<Vec<_>>());
-    let log = String::from_utf8(output.stderr).unwrap();
+    let output = succeed(folder.path(), args);
+    let log = output.log;
     assert!(log.contains("1 of 700 Gaussians are not finite"), "{log}");
     // A run's cameras are rendered from with the run's near plane.
     assert_eq!(fs::read(at("d").join("test_00.png")).unwrap(), image);
@@ -137,8 +119,8 @@ fn a_run_with_every_switch_of_its_views_and_cloud_is_evaluated_again_alike() {
                  --set scene.n_test=2 --set views.strategy=nearest_angle \
                  --set views.visibility.enabled=true --set field.kernel=von_mises_fisher \
                  --set carve.enabled=true --out run";
-    let output = run(folder.path(), &train.split_whitespace().collect::<Vec<_>>());
-    let log = String::from_utf8(output.stderr).unwrap();
+    let output = succeed(folder.path(), train);
+    let log = output.log;
     assert!(log.contains("carved "), "{log}");
     let metrics = json(&folder.path().join("run/metrics.json"));
     assert!(metrics["seconds"]["carve"].is_number(), "{metrics}");
@@ -162,7 +144,7 @@ fn a_run_with_every_switch_of_its_views_and_cloud_is_evaluated_again_alike() {
     let eval = folder.path().join("run/eval.json");
     let trained = json(&eval);
     fs::remove_file(&eval).unwrap();
-    run(folder.path(), &["eval", "run"]);
+    succeed(folder.path(), &["eval", "run"]);
     assert_eq!(json(&eval)["point_splat"], trained["point_splat"]);
     assert_eq!(json(&eval)["views"], trained["views"]);
     // The covered pixels are those of the whole cloud, which has more of them.
@@ -181,7 +163,7 @@ fn a_run_on_another_cloud_and_split_is_evaluated_on_them_from_anywhere() {
     let train = "train --scene builtin:24 --iterations 3 --preset 3dgs --set scene.n_test=3 \
                  --max-points 60 --cloud views:2 --train-views train_03.png,test_01.png \
                  --test-views test_02.png --eval-every 2 --out run";
-    run(folder.path(), &train.split_whitespace().collect::<Vec<_>>());
+    succeed(folder.path(), train);
     let at = |path: &str| json(&folder.path().join("run").join(path));
     let scene = at("metrics.json")["scene"].clone();
     assert_eq!(scene["cloud"], "views:2");
@@ -204,7 +186,7 @@ fn a_run_on_another_cloud_and_split_is_evaluated_on_them_from_anywhere() {
     fs::remove_file(folder.path().join("run/eval.json")).unwrap();
     let elsewhere = tempfile::tempdir().unwrap();
     let root = folder.path().join("run");
-    run(elsewhere.path(), &["eval", root.to_str().unwrap()]);
+    succeed(elsewhere.path(), &["eval", root.to_str().unwrap()]);
     assert_eq!(at("eval.json"), trained);
 
     // A scene that has changed since is named, and it is no wrong usage.
@@ -214,13 +196,9 @@ fn a_run_on_another_cloud_and_split_is_evaluated_on_them_from_anywhere() {
         metrics.replace("test_02.png", "test_09.png"),
     )
     .unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_gspotential"))
-        .args(["eval", "run", "--again"])
-        .current_dir(folder.path())
-        .output()
-        .unwrap();
-    let line = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{line}");
+    let output = run(folder.path(), "eval run --again");
+    let line = output.log;
+    assert_eq!(output.code, Some(1), "{line}");
     assert!(
         line.contains("`test_09.png`") && line.contains("no longer"),
         "{line}"
@@ -232,15 +210,11 @@ fn a_run_that_was_cut_short_is_no_run_to_evaluate() {
     let folder = tempfile::tempdir().unwrap();
     let args = "train --scene builtin:32 --iterations 1 --preset 3dgs --set scene.n_test=1 \
                 --max-points 50 --out run";
-    run(folder.path(), &args.split_whitespace().collect::<Vec<_>>());
+    succeed(folder.path(), args);
     fs::remove_file(folder.path().join("run/metrics.json")).unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_gspotential"))
-        .args(["eval", "run"])
-        .current_dir(folder.path())
-        .output()
-        .unwrap();
-    assert_eq!(output.status.code(), Some(1));
-    let line = String::from_utf8(output.stderr).unwrap();
+    let output = run(folder.path(), "eval run");
+    assert_eq!(output.code, Some(1));
+    let line = output.log;
     assert!(
         line.starts_with("error: ") && line.contains("metrics.json"),
         "{line}"
@@ -250,8 +224,8 @@ fn a_run_that_was_cut_short_is_no_run_to_evaluate() {
 #[test]
 fn the_doctor_finds_every_stage_in_bounds_and_says_so_in_both_forms() {
     let folder = tempfile::tempdir().unwrap();
-    let output = run(folder.path(), &["doctor", "--json", "doctor.json"]);
-    let table = String::from_utf8(output.stdout).unwrap();
+    let output = succeed(folder.path(), &["doctor", "--json", "doctor.json"]);
+    let table = output.stdout;
     let report = json(&folder.path().join("doctor.json"));
     assert_eq!(report["holds"], true, "{table}");
     let stages = report["stages"].as_array().expect("stages");
@@ -281,14 +255,13 @@ fn train(folder: &Path, out: &str, rest: &str) {
         "train --scene builtin:48 --iterations 2 --set views.count=6 --set scene.n_test=2 \
          --max-points 60 --out {out} {rest}"
     );
-    run(folder, &args.split_whitespace().collect::<Vec<_>>());
+    succeed(folder, &args);
 }
 
 fn eval(folder: &Path, args: &str) -> (String, String) {
     let args = format!("eval {args}");
-    let output = run(folder, &args.split_whitespace().collect::<Vec<_>>());
-    let text = |bytes| String::from_utf8(bytes).unwrap();
-    (text(output.stdout), text(output.stderr))
+    let output = succeed(folder, &args);
+    (output.stdout, output.log)
 }
 
 #[test]
@@ -397,7 +370,7 @@ fn masks_that_are_drawn_after_training_are_measured() {
     write_posed_scene(&folder.join("scene"));
     let args = "train --scene scene --preset 3dgs --iterations 2 --out run \
                 --train-views view_0.png,view_1.png";
-    run(folder, &args.split_whitespace().collect::<Vec<_>>());
+    succeed(folder, args);
     assert!(!eval(folder, "run").0.contains("masked"));
     let mask = image::GrayImage::from_fn(40, 32, |x, _| image::Luma([255 * u8::from(x < 20)]));
     fs::create_dir(folder.join("scene/masks")).unwrap();

@@ -1,6 +1,6 @@
 //! Gaussians on disk.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::{DVec3, Vec3, dvec3};
 use gspotential::camera::Frame;
@@ -9,6 +9,7 @@ use gspotential::gaussians::Gaussians;
 use gspotential::gaussians::ply::{read_ply, write_ply};
 
 use crate::geometry::{Random, scratch};
+use crate::kit::data::shared;
 
 pub fn distinct(n: usize, sh_degree: u32) -> Gaussians {
     let mut random = Random::new(u64::from(sh_degree));
@@ -292,19 +293,10 @@ fn ply_errors_name_what_is_missing_or_wrong() {
     assert!(missing.starts_with("no/such.ply: cannot read"), "{missing}");
 }
 
-/// The optional fixtures, or `None` with a line on stderr.
-fn fixtures() -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/fixtures");
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("{} is absent: its files were not read", folder.display());
-    None
-}
-
 #[test]
+#[ignore = "needs ../shared/fixtures"]
 fn reference_files_read_as_their_readme_says() {
-    let Some(folder) = fixtures() else { return };
+    let folder = shared("fixtures");
     for (case, n, n_cameras) in [
         ("garden", 2933, 3),
         ("random", 1990, 2),

@@ -2,23 +2,13 @@
 //! exports.
 
 use std::path::Path;
-use std::process::{Command, Output};
 
 use gspotential::config::{Config, PRESETS, keys, summary};
 
-fn command(folder: &Path, line: &str) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gspotential"))
-        .args(line.split_whitespace())
-        .current_dir(folder)
-        .output()
-        .expect("the command starts")
-}
+use crate::kit::program::{run, succeed};
 
 fn stdout(folder: &Path, line: &str) -> String {
-    let output = command(folder, line);
-    let log = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{line}: {log}");
-    String::from_utf8(output.stdout).unwrap()
+    succeed(folder, line).stdout
 }
 
 fn json(path: &Path) -> serde_json::Value {
@@ -121,12 +111,12 @@ fn completions_and_adapters_are_printed() {
 #[test]
 fn an_adapter_that_is_not_there_is_a_usage_error_that_lists_those_that_are() {
     let folder = tempfile::tempdir().unwrap();
-    let output = command(
+    let output = run(
         folder.path(),
         "train --scene builtin:32 --adapter unheard-of",
     );
-    assert_eq!(output.status.code(), Some(2));
-    let log = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.code, Some(2));
+    let log = output.log;
     assert!(
         log.contains("`unheard-of`") && log.contains("there are"),
         "{log}"
@@ -158,13 +148,13 @@ fn a_dry_run_writes_nothing() {
 #[test]
 fn logs_are_quiet_or_json_and_a_run_is_exported() {
     let folder = tempfile::tempdir().unwrap();
-    let output = command(folder.path(), &format!("{TINY} --quiet --threads 1"));
-    assert!(output.status.success());
-    assert_eq!(String::from_utf8(output.stderr).unwrap(), "");
+    let output = run(folder.path(), &format!("{TINY} --quiet --threads 1"));
+    assert_eq!(output.code, Some(0));
+    assert_eq!(output.log, "");
 
-    let output = command(folder.path(), &format!("{TINY} --overwrite --log json"));
-    assert!(output.status.success());
-    let log = String::from_utf8(output.stderr).unwrap();
+    let output = run(folder.path(), &format!("{TINY} --overwrite --log json"));
+    assert_eq!(output.code, Some(0));
+    let log = output.log;
     let lines: Vec<serde_json::Value> = log
         .lines()
         .map(|line| serde_json::from_str(line).unwrap_or_else(|e| panic!("{line}: {e}")))
@@ -178,8 +168,8 @@ fn logs_are_quiet_or_json_and_a_run_is_exported() {
         "{log}"
     );
     assert!(lines.iter().any(|line| line["level"] == "info"), "{log}");
-    let output = command(folder.path(), &format!("{TINY} --log json"));
-    let log = String::from_utf8(output.stderr).unwrap();
+    let output = run(folder.path(), &format!("{TINY} --log json"));
+    let log = output.log;
     let line: serde_json::Value = serde_json::from_str(log.trim()).unwrap();
     assert_eq!(line["level"], "error");
 
@@ -197,8 +187,8 @@ fn logs_are_quiet_or_json_and_a_run_is_exported() {
         .len()
         < n_bytes;
     assert!(is_smaller);
-    let output = command(folder.path(), "export run --out run.obj");
-    assert_eq!(output.status.code(), Some(2));
+    let output = run(folder.path(), "export run --out run.obj");
+    assert_eq!(output.code, Some(2));
 
     // A page that is gone is made again, and one over all runs where it is asked for.
     std::fs::remove_file(folder.path().join("run/report.html")).unwrap();
@@ -209,8 +199,8 @@ fn logs_are_quiet_or_json_and_a_run_is_exported() {
         page.contains("<h1>1 run</h1>") && page.contains("builtin"),
         "{page}"
     );
-    let output = command(folder.path(), "eval run --html runs.html");
-    assert_eq!(output.status.code(), Some(1), "it is there already");
+    let output = run(folder.path(), "eval run --html runs.html");
+    assert_eq!(output.code, Some(1), "it is there already");
 }
 
 /// An opaque ball of Gaussians seen from a distance of 2, in a scene of another unit.

@@ -22,6 +22,7 @@ mod geometry;
 mod gpu;
 mod habits;
 mod hard;
+mod kit;
 mod masked;
 mod memory;
 mod metrics;

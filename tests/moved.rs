@@ -1,24 +1,10 @@
 //! `eval --scene`: a run whose scene has moved.
 
-use std::path::Path;
-use std::process::{Command, Output};
-
 use gspotential::scene::Scene;
 
+use crate::kit::program::{run, succeed};
 use crate::scene::build::Folder;
 use crate::scene::fixtures::{still_life, vggt};
-
-fn gspotential(at: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gspotential"))
-        .args(args)
-        .current_dir(at)
-        .output()
-        .expect("the program")
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
 
 /// The scene with a change, in a folder of its own.
 fn changed(change: impl Fn(&mut Scene)) -> Folder {
@@ -34,28 +20,26 @@ fn a_scene_that_has_moved_is_measured_and_another_is_refused_by_what_differs() {
     let source = before.path().to_str().expect("UTF-8");
     let train = "train --iterations 1 --preset 3dgs --max-points 50 --out run --scene";
     let args: Vec<&str> = train.split(' ').chain([source]).collect();
-    let output = gspotential(place.path(), &args);
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    let trained = text(&output.stdout);
+    let trained = succeed(place.path(), &args[..]).stdout;
     drop(before);
     // Gone from where it was, it can't be measured again without a word on where it is.
-    let output = gspotential(place.path(), &["eval", "run", "--again"]);
-    let error = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(1), "{error}");
+    let output = run(place.path(), &["eval", "run", "--again"]);
+    let error = output.log;
+    assert_eq!(output.code, Some(1), "{error}");
     assert!(error.contains("--scene DIR"), "{error}");
 
     let eval = |scene: &Folder| {
         let dir = scene.path().to_str().expect("UTF-8");
-        gspotential(place.path(), &["eval", "run", "--again", "--scene", dir])
+        run(place.path(), &["eval", "run", "--again", "--scene", dir])
     };
     let output = eval(&changed(|_| {}));
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    assert_eq!(text(&output.stdout).trim(), trained.trim());
+    assert_eq!(output.code, Some(0), "{}", output.log);
+    assert_eq!(output.stdout.trim(), trained.trim());
 
     let refused = |change: fn(&mut Scene), what: &str| {
         let output = eval(&changed(change));
-        let error = text(&output.stderr);
-        assert_eq!(output.status.code(), Some(1), "{error}");
+        let error = output.log;
+        assert_eq!(output.code, Some(1), "{error}");
         assert!(error.contains(what), "no `{what}` in: {error}");
     };
     refused(
@@ -82,6 +66,6 @@ fn a_scene_that_has_moved_is_measured_and_another_is_refused_by_what_differs() {
         "is not in the scene",
     );
 
-    let nowhere = gspotential(place.path(), &["eval", "run", "--scene", "nowhere"]);
-    assert!(text(&nowhere.stderr).contains("cannot open the scene"));
+    let nowhere = run(place.path(), &["eval", "run", "--scene", "nowhere"]);
+    assert!(nowhere.log.contains("cannot open the scene"));
 }

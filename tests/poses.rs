@@ -1,7 +1,5 @@
 //! Training poses that are off are refined with the Gaussians; without the switch nothing moves.
 
-use std::process::Command;
-
 use gspotential::camera::json::read_cameras;
 use gspotential::camera::{Camera, Frame};
 use gspotential::config::Config;
@@ -14,6 +12,7 @@ use gspotential::scene::{LoadOptions, Scene, SceneSource};
 use gspotential::train::{Observer, PoseAdam, State, Trained, Trainer, pose_rates};
 
 use crate::gpu::rig::context;
+use crate::kit::program::succeed;
 
 fn config(iterations: u32, refine: bool) -> Config {
     let mut config = Config::preset("gspotential").expect("a preset");
@@ -164,14 +163,7 @@ fn adam_steps_against_the_gradient_by_its_rate_and_rates_fall_to_their_share() {
 #[test]
 fn a_run_with_refined_poses_writes_them_and_is_measured_in_its_frame() {
     let folder = tempfile::tempdir().expect("a folder");
-    let gspotential = |line: &str| {
-        let output = Command::new(env!("CARGO_BIN_EXE_gspotential"))
-            .args(line.split_whitespace())
-            .current_dir(folder.path())
-            .output()
-            .expect("starts");
-        assert!(output.status.success(), "{output:?}");
-    };
+    let gspotential = |line: &str| succeed(folder.path(), line);
     gspotential(
         "train --scene builtin:48 --iterations 30 --max-points 400 --set views.count=4 \
          --set field.n_candidates=128 --set scene.n_test=1 --refine-poses --out run",

@@ -2,28 +2,23 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 
 use gspotential::report::profile_tables;
 use gspotential::run::{RunDir, RunProfile};
+
+use crate::kit::program::{Ended, succeed};
 
 /// Changes of the set of Gaussians and resets among its iterations.
 const TRAIN: &str = "train --scene builtin:32 --preset paper --iterations 120 --set views.count=6 --max-points 200 \
                      --set scene.n_test=1 --set densify.start=20 --set densify.interval=20 \
                      --set densify.opacity_reset_interval=40 --log json";
 
-fn train(folder: &Path, more: &str) -> Output {
-    let output = Command::new(env!("CARGO_BIN_EXE_gspotential"))
-        .args(format!("{TRAIN} {more}").split_whitespace())
-        .current_dir(folder)
-        .output()
-        .expect("the command starts");
-    let log = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{log}");
-    for line in log.lines() {
+fn train(folder: &Path, more: &str) -> Ended {
+    let ended = succeed(folder, &format!("{TRAIN} {more}"));
+    for line in ended.log.lines() {
         serde_json::from_str::<serde_json::Value>(line).unwrap_or_else(|e| panic!("{line}: {e}"));
     }
-    output
+    ended
 }
 
 #[test]
@@ -38,10 +33,10 @@ fn a_profile_tells_kernels_and_stages_and_changes_no_bit() {
 
     let run = RunDir::open(&at("timed")).unwrap();
     let profile = run.profile().unwrap();
-    let text = String::from_utf8(timed.stdout).unwrap();
+    let text = timed.stdout;
     let tables = profile_tables(&profile);
     assert!(text.ends_with(&tables), "{text}");
-    assert!(!String::from_utf8(plain.stdout).unwrap().contains("kernel"));
+    assert!(!plain.stdout.contains("kernel"));
     check_steps(&profile);
     check_stages(&profile);
     assert_eq!(

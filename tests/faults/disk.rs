@@ -1,38 +1,30 @@
 //! Disks that are full or read-only, files that vanish.
 
 use std::fs;
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use gspotential::files::write_file;
 
 use super::{Outcome, Place, ended, train, wait_until};
+use crate::kit::program;
 use crate::scene::build::Folder;
 
 /// Runs a shell script in `place` with file systems of its own to mount; `$T` is the training and
-/// `$G` the program. `false`, with a word on it, where the system does not let us.
-fn in_own_mounts(place: &Place, script: &str) -> bool {
-    let unshare = |script: &str| {
-        let mut command = Command::new("unshare");
-        command.args(["--mount", "--map-root-user", "sh", "-euc", script]);
-        command
-    };
-    let probe = unshare("mount -t tmpfs none /mnt")
-        .stderr(Stdio::null())
-        .status();
-    if !probe.is_ok_and(|status| status.success()) {
-        println!("not tried: nothing can be mounted here");
-        return false;
-    }
-    let program = env!("CARGO_BIN_EXE_gspotential");
-    let output = unshare(script)
-        .env("G", program)
-        .env("T", format!("{program} {}", train("--checkpoint-every 2")))
+/// `$G` the program.
+#[track_caller]
+fn in_own_mounts(place: &Place, script: &str) {
+    let output = Command::new("unshare")
+        .args(["--mount", "--map-root-user", "sh", "-euc", script])
+        .env("G", program::PATH)
+        .env(
+            "T",
+            format!("{} {}", program::PATH, train("--checkpoint-every 2")),
+        )
         .current_dir(place.at(""))
         .output()
         .expect("a shell");
     let log = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{log}");
-    true
 }
 
 /// What the script has noted of a command that was to fail.
@@ -53,6 +45,7 @@ fn undisturbed() -> Outcome {
 }
 
 #[test]
+#[ignore = "needs mounts"]
 fn a_full_disk_stops_the_training_and_room_lets_it_go_on() {
     let place = Place::new();
     let script = "mkdir disk; mount -t tmpfs -o size=400k none disk; cd disk
@@ -60,18 +53,18 @@ fn a_full_disk_stops_the_training_and_room_lets_it_go_on() {
         ls run/checkpoints/*.ckpt; [ ! -e run/metrics.json ]
         ! ls run/checkpoints/*.part
         mount -o remount,size=64m ../disk; $G train --resume run; cp -r run ..";
-    if in_own_mounts(&place, script) {
-        let parts = [
-            "No space left on device",
-            ".ckpt",
-            "gspotential train --resume run",
-        ];
-        assert_failed(&place, "log", &parts);
-        assert!(place.result() == undisturbed());
-    }
+    in_own_mounts(&place, script);
+    let parts = [
+        "No space left on device",
+        ".ckpt",
+        "gspotential train --resume run",
+    ];
+    assert_failed(&place, "log", &parts);
+    assert!(place.result() == undisturbed());
 }
 
 #[test]
+#[ignore = "needs mounts"]
 fn a_folder_that_turns_read_only_stops_the_training_and_keeps_the_last_checkpoint() {
     let place = Place::new();
     let script = "$T 2>log & until ls run/checkpoints/*.ckpt; do sleep 0.01; done 2>/dev/null
@@ -81,16 +74,15 @@ fn a_folder_that_turns_read_only_stops_the_training_and_keeps_the_last_checkpoin
         ls run/checkpoints/*.ckpt
         code=0; $G train --resume run 2>log2 || code=$?; [ $code = 1 ]
         umount run; $G train --resume run";
-    if in_own_mounts(&place, script) {
-        let parts = [
-            "Read-only file system",
-            ".ckpt",
-            "gspotential train --resume run",
-        ];
-        assert_failed(&place, "log", &parts);
-        assert_failed(&place, "log2", &["Read-only file system"]);
-        assert!(place.result() == undisturbed());
-    }
+    in_own_mounts(&place, script);
+    let parts = [
+        "Read-only file system",
+        ".ckpt",
+        "gspotential train --resume run",
+    ];
+    assert_failed(&place, "log", &parts);
+    assert_failed(&place, "log2", &["Read-only file system"]);
+    assert!(place.result() == undisturbed());
 }
 
 #[test]

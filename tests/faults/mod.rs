@@ -12,13 +12,15 @@ mod store;
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use gspotential::config::Config;
 use gspotential::pipeline::TrainJob;
 use gspotential::scene::SceneSource;
 use serde_json::Value;
+
+use crate::kit::program::command;
 
 /// A training in which Gaussians are split, pruned and reset within a second or two.
 const SETTINGS: [&str; 19] = [
@@ -86,9 +88,7 @@ impl Place {
     }
 
     fn start(&self, args: &str) -> Child {
-        Command::new(env!("CARGO_BIN_EXE_gspotential"))
-            .args(args.split_whitespace())
-            .current_dir(self.0.path())
+        command(self.0.path(), args)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()

@@ -23,6 +23,7 @@ fn bounds_of(fixture: &Fixture) -> Bounds {
 }
 
 #[test]
+#[ignore = "needs ../shared/fixtures"]
 fn reference_cases_are_met_in_image_and_gradient() {
     let mut table = table_head();
     for fixture in fixtures() {
@@ -55,6 +56,7 @@ fn reference_cases_are_met_in_image_and_gradient() {
 }
 
 #[test]
+#[ignore = "needs ../shared/fixtures"]
 fn every_stage_holds_on_the_reference_cases() {
     let mut table = table_head();
     for fixture in fixtures() {

@@ -1,5 +1,4 @@
-//! The page in headless Chromium, where there is one: `chromium` on the path, or what
-//! `GSPOTENTIAL_CHROMIUM` names.
+//! The page in headless Chromium: `chromium` on the path, or what `GSPOTENTIAL_CHROMIUM` names.
 
 use std::path::Path;
 use std::process::Command;
@@ -83,14 +82,15 @@ setTimeout(() => {
 }, 500);
 </script>"##;
 
-fn browser() -> Option<String> {
+fn browser() -> String {
     let named = std::env::var("GSPOTENTIAL_CHROMIUM").ok();
     let known = ["chromium", "chromium-browser", "google-chrome"].map(str::to_owned);
     let answers = |name: &String| {
         let asked = Command::new(name).arg("--version").output();
         asked.is_ok_and(|output| output.status.success())
     };
-    named.into_iter().chain(known).find(answers)
+    let browser = named.into_iter().chain(known).find(answers);
+    browser.expect("this test needs Chromium")
 }
 
 /// Whether a page has met with no problem so far.
@@ -98,18 +98,13 @@ pub fn is_as_opened(found: &serde_json::Value) -> bool {
     found["problems"] == serde_json::json!([])
 }
 
-/// Opens `page` with `after` behind its scripts and returns what that reports; None without a
-/// browser.
-pub fn found_in(folder: &Path, page: &str, after: &str) -> Option<serde_json::Value> {
-    let Some(browser) = browser() else {
-        eprintln!("no Chromium here: the page is not opened");
-        return None;
-    };
+/// Opens `page` with `after` behind its scripts and returns what that reports.
+pub fn found_in(folder: &Path, page: &str, after: &str) -> serde_json::Value {
     let probed = page.replacen("<title>", &format!("{BEFORE}<title>"), 1);
     let probed = probed.replacen("</body>", &format!("{after}</body>"), 1);
     let path = folder.join("probed.html");
     std::fs::write(&path, probed).unwrap();
-    let output = Command::new(browser)
+    let output = Command::new(browser())
         .args(["--headless=new", "--no-sandbox", "--use-angle=swiftshader"])
         .args([
             "--enable-unsafe-swiftshader",
@@ -138,16 +133,15 @@ pub fn found_in(folder: &Path, page: &str, after: &str) -> Option<serde_json::Va
     let text = &text[..text.find(":found").unwrap()];
     use base64::Engine as _;
     let bytes = base64::engine::general_purpose::STANDARD.decode(text);
-    Some(serde_json::from_slice(&bytes.unwrap()).unwrap())
+    serde_json::from_slice(&bytes.unwrap()).unwrap()
 }
 
 #[test]
+#[ignore = "needs Chromium"]
 fn the_page_lives_in_a_browser() {
     let folder = tempfile::tempdir().unwrap();
     let page = run_with(&folder.path().join("run"), HOSTILE);
-    let Some(found) = found_in(folder.path(), &page, AFTER) else {
-        return;
-    };
+    let found = found_in(folder.path(), &page, AFTER);
     assert!(is_as_opened(&found), "{found}");
     assert_eq!(found["cut_before"], "inset(0px 0px 0px 50%)");
     assert_eq!(found["cut_after"], "inset(0px 0px 0px 80%)");
@@ -176,13 +170,12 @@ fn the_page_lives_in_a_browser() {
 
 /// Otherwise "no problems" would say nothing.
 #[test]
+#[ignore = "needs Chromium"]
 fn a_broken_page_is_found_out() {
     let folder = tempfile::tempdir().unwrap();
     let page = run_with(&folder.path().join("run"), "t.png");
     let broken = page.replacen("\"quantities\":", "\"nothing\":", 1);
     assert_ne!(page, broken);
-    let Some(found) = found_in(folder.path(), &broken, AFTER) else {
-        return;
-    };
+    let found = found_in(folder.path(), &broken, AFTER);
     assert!(!is_as_opened(&found));
 }

@@ -28,9 +28,8 @@ fn is_map(stage: &str) -> bool {
 
 type Stages = BTreeMap<String, Vec<f32>>;
 
-fn network() -> Option<Network> {
-    let path = golden("tiny.safetensors")?;
-    Some(Network::read(&path).unwrap_or_else(|e| panic!("{e}")))
+fn network() -> Network {
+    Network::read(&golden("tiny.safetensors")).unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn run(network: &Network, images: &Images, cameras: Option<&[Camera]>) -> (Stages, Prediction) {
@@ -42,7 +41,7 @@ fn run(network: &Network, images: &Images, cameras: Option<&[Camera]>) -> (Stage
 }
 
 fn images(name: &str) -> Images {
-    let array = npy::read(&golden(name).expect("is there"));
+    let array = npy::read(&golden(name));
     let [_, 3, height, width] = array.shape[..] else {
         panic!("{name} has the shape {:?}", array.shape);
     };
@@ -82,7 +81,7 @@ fn right(folder: &Path, stage: &str) -> Option<Vec<f64>> {
 
 /// Holds every stage that is on disk; says the worst error of each.
 fn hold(folder: &str, stages: &Stages) -> usize {
-    let path = golden(folder).expect("is there");
+    let path = golden(folder);
     let mut n_held = 0;
     for (stage, ours) in stages {
         let Some(right) = right(&path, stage) else {
@@ -103,7 +102,7 @@ fn hold(folder: &str, stages: &Stages) -> usize {
 }
 
 fn hold_cameras(folder: &str, prediction: &Prediction, images: &Images) {
-    let path = golden(folder).expect("is there");
+    let path = golden(folder);
     let n = prediction.views.len();
     let extrinsics = npy::read_shaped(&path.join("extrinsics.npy"), &[n, 3, 4]);
     let intrinsics = npy::read_shaped(&path.join("intrinsics.npy"), &[n, 3, 3]);
@@ -131,8 +130,9 @@ fn hold_cameras(folder: &str, prediction: &Prediction, images: &Images) {
 }
 
 #[test]
+#[ignore = "needs ../shared/prior"]
 fn one_view_is_seen_as_the_original_sees_it() {
-    let Some(network) = network() else { return };
+    let network = network();
     let images = one(&images("tiny_input_4.npy"), 1);
     let (stages, prediction) = run(&network, &images, None);
     assert_eq!(hold("golden_1", &stages), 24);
@@ -140,8 +140,9 @@ fn one_view_is_seen_as_the_original_sees_it() {
 }
 
 #[test]
+#[ignore = "needs ../shared/prior"]
 fn every_stage_of_two_views_is_the_originals() {
-    let Some(network) = network() else { return };
+    let network = network();
     let images = images("tiny_input_2.npy");
     let (stages, prediction) = run(&network, &images, None);
     assert_eq!(hold("golden_2", &stages), 48);
@@ -149,8 +150,9 @@ fn every_stage_of_two_views_is_the_originals() {
 }
 
 #[test]
+#[ignore = "needs ../shared/prior"]
 fn four_views_take_the_originals_reference_view() {
-    let Some(network) = network() else { return };
+    let network = network();
     let images = images("tiny_input_4.npy");
     let (stages, prediction) = run(&network, &images, None);
     assert_eq!(prediction.reference, 2);
@@ -160,7 +162,7 @@ fn four_views_take_the_originals_reference_view() {
 
 /// The known cameras of the four views.
 fn known() -> Vec<Camera> {
-    let path = golden("golden_pose").expect("is there");
+    let path = golden("golden_pose");
     let extrinsics = npy::read_shaped(&path.join("input_extrinsics.npy"), &[4, 4, 4]);
     let intrinsics = npy::read_shaped(&path.join("input_intrinsics.npy"), &[4, 3, 3]);
     let cameras = extrinsics
@@ -186,11 +188,12 @@ fn known() -> Vec<Camera> {
 }
 
 #[test]
+#[ignore = "needs ../shared/prior"]
 fn known_cameras_condition_the_network() {
-    let Some(network) = network() else { return };
+    let network = network();
     let images = images("tiny_input_4.npy");
     let cameras = known();
-    let path = golden("golden_pose/input_extrinsics_normalised.npy").expect("is there");
+    let path = golden("golden_pose/input_extrinsics_normalised.npy");
     let right = npy::read(&path).values;
     for (camera, right) in normalized(&cameras).iter().zip(right.as_chunks::<16>().0) {
         for row in 0..3 {
@@ -210,8 +213,9 @@ fn known_cameras_condition_the_network() {
 }
 
 #[test]
+#[ignore = "needs ../shared/prior"]
 fn the_bytes_are_the_same_for_any_number_of_threads() {
-    let Some(network) = network() else { return };
+    let network = network();
     let images = images("tiny_input_4.npy");
     let with_threads = |n: usize| {
         let pool = rayon::ThreadPoolBuilder::new()

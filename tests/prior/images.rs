@@ -7,14 +7,14 @@ use gspotential::scene::Image;
 use super::{golden, worst};
 use crate::reference::npy;
 
-fn photograph(name: &str) -> Option<Image> {
-    let path = golden(&format!("prep/{name}.png"))?;
+fn photograph(name: &str) -> Image {
+    let path = golden(&format!("prep/{name}.png"));
     let image = image::open(&path).expect("decodes").into_rgb8();
-    Some(Image {
+    Image {
         width: image.width(),
         height: image.height(),
         rgb: image.into_raw(),
-    })
+    }
 }
 
 fn blank(width: u32, height: u32) -> Image {
@@ -26,15 +26,14 @@ fn blank(width: u32, height: u32) -> Image {
 }
 
 #[test]
+#[ignore = "needs ../shared/prior"]
 fn scaled_photographs_are_those_of_the_original() {
     for name in [
         "123x77", "1000x640", "1000x655", "1000x750", "1008x756", "655x1000",
     ] {
-        let Some(photograph) = photograph(name) else {
-            return;
-        };
+        let photograph = photograph(name);
         let ours = prepare(&photograph, 504).image;
-        let array = npy::read(&golden(&format!("prep/{name}_u8.npy")).expect("is there"));
+        let array = npy::read(&golden(&format!("prep/{name}_u8.npy")));
         assert_eq!(
             array.shape,
             [ours.height as usize, ours.width as usize, 3],
@@ -52,13 +51,12 @@ fn scaled_photographs_are_those_of_the_original() {
 }
 
 #[test]
+#[ignore = "needs ../shared/prior"]
 fn the_network_is_fed_what_the_original_is_fed() {
     for name in ["123x77", "1000x750"] {
-        let Some(photograph) = photograph(name) else {
-            return;
-        };
+        let photograph = photograph(name);
         let images = Images::new(&[prepare(&photograph, 504)]).expect("one photograph");
-        let right = npy::read(&golden(&format!("prep/{name}_tensor.npy")).expect("is there"));
+        let right = npy::read(&golden(&format!("prep/{name}_tensor.npy")));
         // One level is 0.0176.
         let off = images.values.iter().zip(&right.values);
         let off = off
@@ -72,13 +70,12 @@ fn the_network_is_fed_what_the_original_is_fed() {
 }
 
 #[test]
+#[ignore = "needs ../shared/prior"]
 fn photographs_of_mixed_shapes_are_cropped_to_one() {
-    let (Some(a), Some(b)) = (photograph("1000x655"), photograph("655x1000")) else {
-        return;
-    };
+    let (a, b) = (photograph("1000x655"), photograph("655x1000"));
     let images = Images::new(&[prepare(&a, 112), prepare(&b, 112)]).expect("two photographs");
     assert_eq!((images.width, images.height), (70, 70));
-    let right = npy::read(&golden("prep/mixed_112.npy").expect("is there"));
+    let right = npy::read(&golden("prep/mixed_112.npy"));
     assert!(worst(&images.values, &right.values, false) <= 0.018);
     let camera = |w: f64, h: f64| Camera {
         name: String::new(),

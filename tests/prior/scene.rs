@@ -11,13 +11,13 @@ use image::{ImageEncoder, RgbImage};
 
 use super::golden;
 
-fn options() -> Option<PriorOptions> {
-    Some(PriorOptions {
-        weights: Some(golden("tiny.safetensors")?),
+fn options() -> PriorOptions {
+    PriorOptions {
+        weights: Some(golden("tiny.safetensors")),
         size: 84,
         share: 1.0,
         ..PriorOptions::default()
-    })
+    }
 }
 
 fn picture(width: u32, height: u32, seed: u32) -> RgbImage {
@@ -73,8 +73,9 @@ fn photographs(dir: &Path, n: u32) -> PathBuf {
 }
 
 #[test]
+#[ignore = "needs ../shared/prior"]
 fn photographs_become_a_scene_that_loads() {
-    let Some(options) = options() else { return };
+    let options = options();
     let dir = tempfile::tempdir().expect("a folder");
     for n in [1, 2, 5] {
         let folder = photographs(dir.path(), n);
@@ -125,11 +126,18 @@ fn turned_photographs_are_turned_and_their_focal_length_is_read() {
     jpeg(&upright, &picture(126, 84, 1), exif(1, 0));
     let photograph = read_photograph(&upright).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!((photograph.turned, photograph.focal_35mm), (false, None));
+}
 
-    let Some(options) = options() else { return };
+#[test]
+#[ignore = "needs ../shared/prior"]
+fn a_focal_length_that_is_read_becomes_the_cameras() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let [path, upright] = ["turned.jpg", "upright.jpg"].map(|name| dir.path().join(name));
+    jpeg(&path, &picture(126, 84, 1), exif(6, 35));
+    jpeg(&upright, &picture(126, 84, 1), exif(1, 0));
     let options = PriorOptions {
         exif_focal: true,
-        ..options
+        ..options()
     };
     let out = dir.path().join("scene");
     scene_of_photographs(&[path, upright], &options, &out).unwrap_or_else(|e| panic!("{e}"));
@@ -144,58 +152,76 @@ fn turned_photographs_are_turned_and_their_focal_length_is_read() {
     );
 }
 
+#[track_caller]
+fn assert_refused(paths: &[PathBuf], options: &PriorOptions, out: &Path, parts: &[&str]) {
+    let error = scene_of_photographs(paths, options, out)
+        .expect_err("is refused")
+        .to_string();
+    for part in parts {
+        assert!(error.contains(part), "`{part}` is not in: {error}");
+    }
+    assert!(!out.exists());
+}
+
 #[test]
 fn photographs_that_cannot_be_used_are_refused_by_name() {
     let dir = tempfile::tempdir().expect("a folder");
     let options = PriorOptions::default();
     let folder = photographs(dir.path(), 2);
     let out = dir.path().join("scene");
-    let refused = |paths: &[PathBuf], options: &PriorOptions, parts: &[&str]| {
-        let error = scene_of_photographs(paths, options, &out)
-            .expect_err("is refused")
-            .to_string();
-        for part in parts {
-            assert!(error.contains(part), "`{part}` is not in: {error}");
-        }
-        assert!(!out.exists());
-    };
     let one = std::slice::from_ref(&folder);
-    refused(
+    assert_refused(
         one,
         &options,
+        &out,
         &["no weights", "137 MB", "541 MB", "Apache-2.0", "--weights"],
     );
-    refused(
+    assert_refused(
         &[dir.path().join("gone.jpg")],
         &options,
+        &out,
         &["gone.jpg", "no such photograph"],
     );
-    refused(
+    assert_refused(
         &[folder.clone(), folder.join("00.png")],
         &options,
+        &out,
         &["two photographs are named"],
     );
     fs::create_dir(dir.path().join("empty")).expect("makes a folder");
-    refused(
+    assert_refused(
         &[dir.path().join("empty")],
         &options,
+        &out,
         &["empty", "holds no photograph"],
     );
-
-    let Some(options) = self::options() else {
-        return;
-    };
-    RgbImage::from_pixel(40, 40, image::Rgb([9, 9, 9]))
-        .save(folder.join("blank.png"))
-        .expect("writes");
-    refused(one, &options, &["blank.png", "shows nothing"]);
-    fs::write(folder.join("blank.png"), b"no image").expect("writes");
-    refused(one, &options, &["blank.png", "neither a PNG nor a JPEG"]);
 }
 
 #[test]
+#[ignore = "needs ../shared/prior"]
+fn photographs_that_show_nothing_are_refused_by_name() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let options = options();
+    let folder = photographs(dir.path(), 2);
+    let out = dir.path().join("scene");
+    let one = std::slice::from_ref(&folder);
+    RgbImage::from_pixel(40, 40, image::Rgb([9, 9, 9]))
+        .save(folder.join("blank.png"))
+        .expect("writes");
+    assert_refused(one, &options, &out, &["blank.png", "shows nothing"]);
+    fs::write(folder.join("blank.png"), b"no image").expect("writes");
+    assert_refused(
+        one,
+        &options,
+        &out,
+        &["blank.png", "neither a PNG nor a JPEG"],
+    );
+}
+
+#[test]
+#[ignore = "needs ../shared/prior"]
 fn a_scene_whose_cameras_are_known_gets_a_dense_cloud() {
-    let Some(options) = options() else { return };
+    let options = options();
     let dir = tempfile::tempdir().expect("a folder");
     let out = dir.path().join("dense.ply");
     let load_options = LoadOptions {

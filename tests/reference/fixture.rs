@@ -1,9 +1,5 @@
-//! Reference cases from disk: Gaussians, cameras, reference renders and gradients.
-//!
-//! They are looked for in `$GSPOTENTIAL_FIXTURES`, else in `../shared/fixtures` beside the
-//! checkout, and are optional only in the latter place.
+//! Reference cases from `../shared/fixtures`: Gaussians, cameras, reference renders and gradients.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use gspotential::doctor::twin::linalg::Vec3;
@@ -11,6 +7,7 @@ use gspotential::doctor::twin::model::{TwinCamera, TwinGaussians, TwinGradients}
 use serde::Deserialize;
 
 use super::npy::read_shaped;
+use crate::kit::data::shared;
 
 /// One case: Gaussians seen by some cameras.
 pub struct Fixture {
@@ -58,23 +55,10 @@ struct Stats {
     tol: f64,
 }
 
-/// All cases, by name. Empty, with a line on stderr, where the optional folder is absent.
+/// All cases, by name.
 pub fn fixtures() -> Vec<Fixture> {
-    let (root, required) = match std::env::var_os("GSPOTENTIAL_FIXTURES") {
-        Some(dir) => (PathBuf::from(dir), true),
-        None => (
-            Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/fixtures"),
-            false,
-        ),
-    };
-    let Ok(entries) = std::fs::read_dir(&root) else {
-        assert!(!required, "GSPOTENTIAL_FIXTURES: cannot read {root:?}");
-        // Past the test harness, which would keep it to itself.
-        let line =
-            "no reference fixtures in ../shared/fixtures: comparisons with them are left out";
-        writeln!(std::io::stderr(), "{line}").expect("stderr is open");
-        return Vec::new();
-    };
+    let root = shared("fixtures");
+    let entries = std::fs::read_dir(&root).expect("folder is readable");
     let mut dirs: Vec<PathBuf> = entries
         .map(|entry| entry.expect("folder is readable").path())
         .filter(|path| path.join("gaussians.ply").is_file())

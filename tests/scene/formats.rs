@@ -1,7 +1,5 @@
 //! The formats of other programs: detection, axes, splits, confidences, and training from each.
 
-use std::process::Command;
-
 use glam::DVec3;
 use gspotential::scene::PoseProtocol;
 use gspotential::scene::builtin::{BuiltinOptions, scene};
@@ -13,6 +11,7 @@ use super::fixtures::{
     OPENGL, blender, gaussianobject, instant_ngp, instantsplat, mast3r, matrix, names, nerfstudio,
     pinhole, ply, project, still_life, vggt, views, write_colmap,
 };
+use crate::kit::program::succeed;
 
 /// The greatest distance, in pixels, between where cloud points fall in the loaded views and
 /// where they fall in the views that were written; names may have gained a folder.
@@ -215,22 +214,14 @@ fn every_format_trains_from_the_command_line() {
         let train = "train --iterations 3 --set views.count=2 --set field.n_candidates=64 \
                      --set model.confidence_opacity=true --set splat.min_confidence=0.5 \
                      --max-points 100";
-        let run = |args: &mut dyn Iterator<Item = &str>| {
-            let output = Command::new(env!("CARGO_BIN_EXE_gspotential"))
-                .args(args)
-                .output()
-                .expect("the command starts");
-            let log = String::from_utf8_lossy(&output.stderr).into_owned();
-            assert!(output.status.success(), "{source}: {log}");
-            log
-        };
         let [scene, out] = [folder.path(), &out].map(|p| p.to_str().expect("UTF-8"));
         let places = ["--scene", scene, "--out", out];
-        let log = run(&mut train.split_whitespace().chain(places));
+        let args: Vec<&str> = train.split_whitespace().chain(places).collect();
+        let log = succeed(runs.path(), &args[..]).log;
         assert!(log.contains(&format!("scene: {source}")), "{source}: {log}");
         // The run's record is enough to find the scene again.
         std::fs::remove_file(runs.path().join("run/eval.json")).expect("an evaluation");
-        run(&mut ["eval", out].into_iter());
+        succeed(runs.path(), &["eval", out]);
         let metrics = std::fs::read(runs.path().join("run/metrics.json")).expect("metrics");
         let metrics: Value = serde_json::from_slice(&metrics).expect("JSON");
         let protocol = if source.starts_with("Instant") {

@@ -1,32 +1,20 @@
-//! Real scenes, where they lie beside the repository; they are not part of it.
+//! Real scenes from beside the repository, and clouds as large as real ones.
 
-use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::build::{options, warns};
+use crate::kit::data::shared;
 use gspotential::scene::{LoadOptions, PointCloud, View, load, read_cloud};
 
-fn real_scene(name: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../shared/scenes")
-        .join(name);
-    if path.is_dir() {
-        return Some(path);
-    }
-    eprintln!("not checked: there is no scene at {}", path.display());
-    None
-}
-
 #[test]
+#[ignore = "needs ../shared/scenes"]
 fn real_scenes_load_with_their_known_numbers() {
     // name, training and test views, points, full size, size bounded by 320
     for (name, n_train, n_test, n_points, full, small) in [
         ("kitchen", 4, 20, 250_000, (997, 665), (320, 213)),
         ("fox", 4, 46, 350_000, (562, 1000), (180, 320)),
     ] {
-        let Some(dir) = real_scene(name) else {
-            continue;
-        };
+        let dir = shared("scenes").join(name);
         for (max_size, size) in [(None, full), (Some(320), small)] {
             let limits = LoadOptions {
                 max_size,

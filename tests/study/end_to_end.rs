@@ -3,41 +3,33 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 
 use gspotential::field::Focus;
 use gspotential::report::read_png;
 use gspotential::scene::builtin::{self, BuiltinOptions};
 use serde_json::Value;
 
+use crate::kit::program::{Ended, run, succeed};
 use crate::metrics::lpips_reference::{ALEX, generated};
 use crate::scene::build::{Folder, GOOD_PLY};
 
-fn study(folder: &Path, args: &str) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gspotential"))
-        .arg("study")
-        .args(args.split_whitespace())
-        .current_dir(folder)
-        .output()
-        .expect("the command starts")
+fn study(folder: &Path, args: &str) -> Ended {
+    run(folder, &format!("study {args}"))
 }
 
 /// What a study that must succeed printed: its report and its log.
 #[track_caller]
 fn succeeds(folder: &Path, args: &str) -> (String, String) {
-    let output = study(folder, args);
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    let log = text(&output.stderr);
-    assert!(output.status.success(), "{args}: {log}");
-    (text(&output.stdout), log)
+    let Ended { stdout, log, .. } = succeed(folder, &format!("study {args}"));
+    (stdout, log)
 }
 
 /// The error of a study that must fail.
 #[track_caller]
 fn fails(folder: &Path, args: &str, code: i32, parts: &[&str]) -> String {
     let output = study(folder, args);
-    let log = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(code), "{args}: {log}");
+    let log = output.log;
+    assert_eq!(output.code, Some(code), "{args}: {log}");
     assert!(output.stdout.is_empty(), "{args}");
     let error = log.lines().find(|line| line.starts_with("error: "));
     let error = error.unwrap_or_else(|| panic!("{args}: {log}"));
@@ -422,13 +414,13 @@ fn slips_on_the_command_line_are_told_before_anything_is_written() {
         ("ablation --scene no/scene", 1, "no/scene"),
     ] {
         let output = study(folder.path(), args);
-        let log = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(code), "{args}: {log}");
+        let log = output.log;
+        assert_eq!(output.code, Some(code), "{args}: {log}");
         assert!(log.contains(part), "{args}: {log}");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "{args}");
     }
     let output = study(folder.path(), "--help");
-    let help = String::from_utf8_lossy(&output.stdout).into_owned();
+    let help = output.stdout;
     for name in [
         "ablation",
         "cloud",
