@@ -1,6 +1,7 @@
 // One step of Adam (Kingma and Ba 2015; bias-corrected, epsilon added to the root, as PyTorch):
 // one thread a Gaussian. SH gradients are never stored: coefficient k gets basis_k(direction)
 // times the view's colour gradient, summed over the step's views here.
+#import shared/thread
 #import shared/sh
 
 struct Step {
@@ -43,8 +44,8 @@ fn update(index: u32, gradient: vec4f, rate: vec4f) {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn adam_geometry(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let id = (group.y * groups.x + group.x) * WORKGROUP + local;
+fn adam_geometry(thread: Thread) {
+    let id = thread_index(thread);
     if (id >= step.counts.x || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
@@ -95,13 +96,9 @@ fn sh_third(y_0: vec4f, y_1: vec4f, c_0: vec3f, c_1: vec3f) -> vec4f {
     return vec4f(y_0.z * c_0.z, y_0.w * c_0) + vec4f(y_1.z * c_1.z, y_1.w * c_1);
 }
 
-fn thread_id(group: vec3u, groups: vec3u, local: u32) -> u32 {
-    return (group.y * groups.x + group.x) * WORKGROUP + local;
-}
-
 @compute @workgroup_size(WORKGROUP)
-fn adam_sh_0(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let id = thread_id(group, groups, local);
+fn adam_sh_0(thread: Thread) {
+    let id = thread_index(thread);
     if (id >= step.counts.x || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
@@ -116,8 +113,8 @@ fn adam_sh_0(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) group
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn adam_sh_2(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let id = thread_id(group, groups, local);
+fn adam_sh_2(thread: Thread) {
+    let id = thread_index(thread);
     if (id >= step.counts.x || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
@@ -131,8 +128,8 @@ fn adam_sh_2(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) group
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn adam_sh_3(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let id = thread_id(group, groups, local);
+fn adam_sh_3(thread: Thread) {
+    let id = thread_index(thread);
     if (id >= step.counts.x || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }

@@ -2,6 +2,7 @@
 // same tiles to the bit. `COUNT`: one thread a splat counts its tiles. `EMIT`: one thread
 // EMIT_CHUNK pairs, which are numbered front to back, splat by splat, writes them: a splat that
 // fills the screen is shared by many threads.
+#import shared/thread
 #import shared/view
 
 const COUNT = 0u;
@@ -105,27 +106,27 @@ fn owner(pair: u32, low: u32, step: u32, n: u32) -> u32 {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn bin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let thread = (group.y * groups.x + group.x) * WORKGROUP + local;
+fn bin(thread: Thread) {
+    let index = thread_index(thread);
     let n = view.counts.x;
     let counting = mode.x == COUNT;
     if (!counting && totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
-    if (!counting && thread < n) {
+    if (!counting && index < n) {
         var last = totals[TOTAL_PAIRS];
-        if (thread + 1u < n) {
-            last = splat_pairs[thread + 1u];
+        if (index + 1u < n) {
+            last = splat_pairs[index + 1u];
         }
-        gaussian_pairs[depth_order[thread].y] = vec2u(splat_pairs[thread], last);
+        gaussian_pairs[depth_order[index].y] = vec2u(splat_pairs[index], last);
     }
     // Emitting, the thread's pairs; counting, all pairs of one splat, and none is written.
-    var pair = select(thread * EMIT_CHUNK, 0u, counting);
+    var pair = select(index * EMIT_CHUNK, 0u, counting);
     let end = select(min(pair + EMIT_CHUNK, totals[TOTAL_PAIRS]), 0xffffffffu, counting);
-    let n_splats = select(EMIT_CHUNK, select(0u, 1u, thread < n), counting);
+    let n_splats = select(EMIT_CHUNK, select(0u, 1u, index < n), counting);
     // Counting searches nothing.
     let n_searched = select(n, 0u, counting);
-    var rank = select(0u, thread, counting);
+    var rank = select(0u, index, counting);
     // The first search starts with the largest step there is.
     var step = 1u << firstLeadingBit(max(n_searched, 1u));
     var before = 0u;
@@ -155,7 +156,7 @@ fn bin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec
             }
         }
     }
-    if (counting && thread < n) {
-        splat_pairs[thread] = before;
+    if (counting && index < n) {
+        splat_pairs[index] = before;
     }
 }

@@ -6,6 +6,7 @@
 // the centre in the world, which such a turn leaves. So the sums run over d_mean and over
 // the torques offset x d_mean (less the colour's part) + that of d_rotation, in a fixed order:
 // each workgroup its own, then one workgroup the others'.
+#import shared/thread
 #import shared/view
 #import shared/sh
 #import shared/sh_mean
@@ -40,9 +41,9 @@ fn sum_workgroup(local: u32, turn: vec3f, shift: vec3f) {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn pose_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let block = group.y * groups.x + group.x;
-    let id = block * WORKGROUP + local;
+fn pose_backward(thread: Thread) {
+    let block = workgroup_index(thread);
+    let id = block * WORKGROUP + thread.local;
     var turn = vec3f(0.0);
     var shift = vec3f(0.0);
     if (id < view.counts.x) {
@@ -63,26 +64,26 @@ fn pose_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
         let torque = q.x * d_q.yzw - d_q.x * q.yzw + cross(q.yzw, d_q.yzw);
         turn = cross(offset, d_mean) + 0.5 * torque;
     }
-    sum_workgroup(local, turn, shift);
-    if (local == 0u && block * WORKGROUP < view.counts.x) {
+    sum_workgroup(thread.local, turn, shift);
+    if (thread.local == 0u && block * WORKGROUP < view.counts.x) {
         pose_sums[2u * block] = vec4f(turns[0], 0.0);
         pose_sums[2u * block + 1u] = vec4f(shifts[0], 0.0);
     }
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn pose_total(@builtin(local_invocation_index) local: u32) {
+fn pose_total(thread: Thread) {
     let n_blocks = (view.counts.x + WORKGROUP - 1u) / WORKGROUP;
     let chunk = (n_blocks + WORKGROUP - 1u) / WORKGROUP;
     var turn = vec3f(0.0);
     var shift = vec3f(0.0);
     // bound: n / WORKGROUP^2 + 1 turns, n below 2^27: a Gaussian's geometry takes 48 bytes of a binding.
-    for (var i = local * chunk; i < min((local + 1u) * chunk, n_blocks); i++) {
+    for (var i = thread.local * chunk; i < min((thread.local + 1u) * chunk, n_blocks); i++) {
         turn += pose_sums[2u * i].xyz;
         shift += pose_sums[2u * i + 1u].xyz;
     }
-    sum_workgroup(local, turn, shift);
-    if (local == 0u) {
+    sum_workgroup(thread.local, turn, shift);
+    if (thread.local == 0u) {
         let w = mat3x3f(view.w2c_x.xyz, view.w2c_y.xyz, view.w2c_z.xyz);
         // v * w is the product of w's transpose: w's columns are the rotation's rows.
         d_pose[0] = vec4f(turns[0] * w, 0.0);

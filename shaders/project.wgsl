@@ -11,6 +11,7 @@
 // t_x^2 + t_y^2; it is 0 where the Gaussian is not drawn.
 //
 // `depth_order` gets the key of the depth sort, too.
+#import shared/thread
 #import shared/view
 #import shared/double
 #import shared/gaussian
@@ -83,8 +84,8 @@ fn exact_shear(g: Gaussian, o: Projection, r: Double) -> f32 {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn project(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let id = (group.y * groups.x + group.x) * WORKGROUP + local;
+fn project(thread: Thread) {
+    let id = thread_index(thread);
     if (id >= view.counts.x) {
         return;
     }
@@ -105,7 +106,7 @@ fn project(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups:
     }
     // Above 1 it widens the core in which alpha is capped.
     let opacity = sigmoid(g.opacity_logit) / kept_share(view);
-    let reach = log2(255.0 * opacity);
+    let reach = log2(LEVEL_MAX * opacity);
     if (!(reach > 0.0)) {
         return;
     }

@@ -1,6 +1,7 @@
 // Gradient of the projection: one thread a Gaussian. Sums the Gaussian's pairs, by the blocks that
 // sum_pairs has summed, in their fixed order and carries the sums through covariance, projection, SH direction and quaternion
 // normalisation to the stored parameters. The step's first view writes, its second adds.
+#import shared/thread
 #import shared/view
 #import shared/double
 #import shared/gaussian
@@ -31,8 +32,8 @@
 const TWO_LN_2 = 1.3862943611198906;
 
 @compute @workgroup_size(WORKGROUP)
-fn project_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let id = (group.y * groups.x + group.x) * WORKGROUP + local;
+fn project_backward(thread: Thread) {
+    let id = thread_index(thread);
     if (id >= view.counts.x || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }

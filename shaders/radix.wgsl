@@ -1,6 +1,7 @@
-// One pass of a stable radix sort by RADIX_BITS = 4 bits: count digits by chunk, scan the counts
+// One pass of a stable radix sort by a digit of RADIX_DIGITS values: count digits by chunk, scan the counts
 // (digit-major), move. One thread a chunk of RADIX_CHUNK entries, which it takes in order: equal
 // keys keep theirs, so the result is the same on every adapter.
+#import shared/thread
 #import shared/radix
 
 @group(0) @binding(0) var<uniform> radix: Radix;
@@ -12,7 +13,7 @@
 @group(0) @binding(3) var<storage, read_write> digit_counts: array<u32>;
 @group(0) @binding(4) var<storage, read> totals: array<u32>;
 
-// 16 counters of 8 bits; a chunk has fewer than 256 entries.
+// One counter of 8 bits a digit, which is enough: a chunk has fewer than 256 entries.
 fn one(digit: u32) -> vec4u {
     return select(vec4u(0u), vec4u(1u << (8u * (digit & 3u))), vec4u(digit >> 2u) == vec4u(0u, 1u, 2u, 3u));
 }
@@ -27,8 +28,8 @@ fn counter(counters: vec4u, digit: u32) -> u32 {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn radix_count(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let chunk = (group.y * groups.x + group.x) * WORKGROUP + local;
+fn radix_count(thread: Thread) {
+    let chunk = thread_index(thread);
     let n = n_entries(radix, totals[TOTAL_PAIRS], totals[TOTAL_OVERFLOW]);
     let n_chunks = n_chunks(n);
     if (chunk >= n_chunks) {
@@ -39,19 +40,19 @@ fn radix_count(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gro
     var counters = vec4u(0u);
     // bound: RADIX_CHUNK / 2 turns.
     for (var i = first; i < end; i += 2u) {
-        let digits = (entries_in[i / 2u].xz >> vec2u(radix.shift)) & vec2u(15u);
+        let digits = (entries_in[i / 2u].xz >> vec2u(radix.shift)) & vec2u(RADIX_DIGITS - 1u);
         counters += one(digits.x);
         counters += select(vec4u(0u), one(digits.y), i + 1u < end);
     }
-    // bound: 16 turns.
-    for (var digit = 0u; digit < 16u; digit++) {
+    // bound: RADIX_DIGITS turns.
+    for (var digit = 0u; digit < RADIX_DIGITS; digit++) {
         digit_counts[digit * n_chunks + chunk] = counter(counters, digit);
     }
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn radix_move(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let chunk = (group.y * groups.x + group.x) * WORKGROUP + local;
+fn radix_move(thread: Thread) {
+    let chunk = thread_index(thread);
     let n = n_entries(radix, totals[TOTAL_PAIRS], totals[TOTAL_OVERFLOW]);
     let n_chunks = n_chunks(n);
     if (chunk >= n_chunks) {
@@ -63,7 +64,7 @@ fn radix_move(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) grou
     // bound: RADIX_CHUNK / 2 turns.
     for (var i = first; i < end; i += 2u) {
         let entries = entries_in[i / 2u];
-        let digits = (entries.xz >> vec2u(radix.shift)) & vec2u(15u);
+        let digits = (entries.xz >> vec2u(radix.shift)) & vec2u(RADIX_DIGITS - 1u);
         entries_out[digit_counts[digits.x * n_chunks + chunk] + counter(counters, digits.x)] = entries.xy;
         counters += one(digits.x);
         if (i + 1u < end) {

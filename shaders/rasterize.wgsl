@@ -2,6 +2,7 @@
 //
 // alpha = min(ALPHA_MAX, opacity 2^-|t|^2); alpha < ALPHA_MIN is skipped; a splat that would take
 // the transmittance to TRANSMITTANCE_MIN or below is not blended and ends its pixel.
+#import shared/thread
 #import shared/view
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -22,15 +23,15 @@
 
 // All of every list, which has at most LIST_SLICE entries.
 @compute @workgroup_size(WORKGROUP)
-fn rasterize(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    composite((group.y * groups.x + group.x) * WORKGROUP + local, 0u, false);
+fn rasterize(thread: Thread) {
+    composite(thread_index(thread), 0u, false);
 }
 
 // The next LIST_SLICE entries of every list. A tile whose list goes on leaves its state in
 // `rendered`, colours without background and the transmittance with its sign, and in `last_blended`.
 @compute @workgroup_size(WORKGROUP)
-fn rasterize_slice(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    composite((group.y * groups.x + group.x) * WORKGROUP + local, slice.x, true);
+fn rasterize_slice(thread: Thread) {
+    composite(thread_index(thread), slice.x, true);
 }
 
 // `sliced` is known where the function is compiled: without slices nothing of them is left.

@@ -5,6 +5,7 @@
 // nine sums: v, v t_x, v t_y, v t_x^2, v t_x t_y, v t_y^2 and d_color. Moments of t (|t| < 3)
 // keep the gradient of position and covariance well conditioned for any elongation; the chain to
 // them follows once per Gaussian.
+#import shared/thread
 #import shared/view
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -34,15 +35,15 @@ fn sum4(v: vec4f) -> f32 {
 
 // All of every list, which has at most LIST_SLICE entries.
 @compute @workgroup_size(WORKGROUP)
-fn rasterize_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    carry_back((group.y * groups.x + group.x) * WORKGROUP + local, 0u, false);
+fn rasterize_backward(thread: Thread) {
+    carry_back(thread_index(thread), 0u, false);
 }
 
 // LIST_SLICE entries of every list, the last slice first. A tile whose list goes on in front
 // leaves its state in `rendered`: what is behind in plane 0, the transmittance in plane 3.
 @compute @workgroup_size(WORKGROUP)
-fn rasterize_backward_slice(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    carry_back((group.y * groups.x + group.x) * WORKGROUP + local, slice.x, true);
+fn rasterize_backward_slice(thread: Thread) {
+    carry_back(thread_index(thread), slice.x, true);
 }
 
 // `sliced` is known where the function is compiled: without slices nothing of them is left.

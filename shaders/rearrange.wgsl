@@ -1,5 +1,7 @@
 // Applies a densification plan to one block of planes (parameters or Adam moments): Gaussian i of
 // the new set is Gaussian `sources[i]` of the old one, changed as `changes[i]` says.
+#import shared/thread
+
 struct Rearrange {
     n: u32,
     old_stride: u32,
@@ -24,8 +26,8 @@ const MOMENTS = 2u;
 @group(0) @binding(4) var<storage, read> changes: array<vec4f>;
 
 @compute @workgroup_size(WORKGROUP)
-fn rearrange_planes(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let id = (group.y * groups.x + group.x) * WORKGROUP + local;
+fn rearrange_planes(thread: Thread) {
+    let id = thread_index(thread);
     if (id >= rearrange.n) {
         return;
     }

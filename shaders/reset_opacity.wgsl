@@ -1,4 +1,6 @@
 // 3DGS's opacity reset: opacities fall to a ceiling and their Adam moments to zero.
+#import shared/thread
+
 @group(0) @binding(0) var<uniform> ceiling: vec4f; // x: largest logit that stays, y: distance from the focus beyond which all do
 @group(0) @binding(1) var<uniform> counts: vec4u; // x: number of Gaussians
 @group(0) @binding(2) var<storage, read_write> geometry: array<vec4f>;
@@ -6,8 +8,8 @@
 @group(0) @binding(4) var<storage, read_write> second_moment: array<vec4f>;
 
 @compute @workgroup_size(WORKGROUP)
-fn reset_opacity(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let id = (group.y * groups.x + group.x) * WORKGROUP + local;
+fn reset_opacity(thread: Thread) {
+    let id = thread_index(thread);
     if (id >= counts.x || length(geometry[id].xyz) > ceiling.y) {
         return;
     }

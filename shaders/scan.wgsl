@@ -1,6 +1,7 @@
 // Exclusive prefix sum of counts in place, in two dispatches: sums of blocks, then the blocks, each
 // of which adds up the sums before it; few counts in one. Additions saturate, so that a total
 // beyond 2^32 is seen as too large instead of wrapping.
+#import shared/thread
 #import shared/radix
 
 struct Scan {
@@ -28,7 +29,7 @@ fn n_counts() -> u32 {
         return scan.n;
     }
     let pairs = Radix(0u, 1u, 0u, 0u);
-    return n_chunks(n_entries(pairs, totals[TOTAL_PAIRS], totals[TOTAL_OVERFLOW])) << RADIX_BITS;
+    return n_chunks(n_entries(pairs, totals[TOTAL_PAIRS], totals[TOTAL_OVERFLOW])) * RADIX_DIGITS;
 }
 
 fn saturating_add(a: u32, b: u32) -> u32 {
@@ -98,48 +99,48 @@ fn keep_total(total: u32) {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn scan_reduce(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let block = group.y * groups.x + group.x;
-    sums[local] = chunk_sum(block * BLOCK + local * SCAN_CHUNK);
-    let total = scan_workgroup(local);
-    if (local == 0u && block * BLOCK < n_counts()) {
+fn scan_reduce(thread: Thread) {
+    let block = workgroup_index(thread);
+    sums[thread.local] = chunk_sum(block * BLOCK + thread.local * SCAN_CHUNK);
+    let total = scan_workgroup(thread.local);
+    if (thread.local == 0u && block * BLOCK < n_counts()) {
         block_sums[block] = total;
     }
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn scan_spread(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let block = group.y * groups.x + group.x;
+fn scan_spread(thread: Thread) {
+    let block = workgroup_index(thread);
     let n_blocks = (n_counts() + BLOCK - 1u) / BLOCK;
     var sum = 0u;
     // bound: n / (SCAN_CHUNK WORKGROUP^2) + 1 turns: 2^15 for 2^32 counts.
-    for (var i = local; i < min(block, n_blocks); i += WORKGROUP) {
+    for (var i = thread.local; i < min(block, n_blocks); i += WORKGROUP) {
         sum = saturating_add(sum, block_sums[i]);
     }
-    sums[local] = sum;
-    let before = scan_workgroup(local);
-    let first = block * BLOCK + local * SCAN_CHUNK;
-    sums[local] = chunk_sum(first);
-    let total = scan_workgroup(local);
-    spread(first, saturating_add(before, sums[local]));
-    if (local == 0u && block + 1u == max(n_blocks, 1u)) {
+    sums[thread.local] = sum;
+    let before = scan_workgroup(thread.local);
+    let first = block * BLOCK + thread.local * SCAN_CHUNK;
+    sums[thread.local] = chunk_sum(first);
+    let total = scan_workgroup(thread.local);
+    spread(first, saturating_add(before, sums[thread.local]));
+    if (thread.local == 0u && block + 1u == max(n_blocks, 1u)) {
         keep_total(saturating_add(before, total));
     }
 }
 
 // All of it in one dispatch, for at most SCAN_FEW blocks.
 @compute @workgroup_size(WORKGROUP)
-fn scan_few(@builtin(local_invocation_index) local: u32) {
+fn scan_few(thread: Thread) {
     var before = 0u;
     // bound: SCAN_FEW turns.
     for (var block = 0u; block < SCAN_FEW; block++) {
-        let first = block * BLOCK + local * SCAN_CHUNK;
-        sums[local] = chunk_sum(first);
-        let total = scan_workgroup(local);
-        spread(first, saturating_add(before, sums[local]));
+        let first = block * BLOCK + thread.local * SCAN_CHUNK;
+        sums[thread.local] = chunk_sum(first);
+        let total = scan_workgroup(thread.local);
+        spread(first, saturating_add(before, sums[thread.local]));
         before = saturating_add(before, total);
     }
-    if (local == 0u) {
+    if (thread.local == 0u) {
         keep_total(before);
     }
 }

@@ -14,6 +14,7 @@
 // because those pixels have the most weight: the variance is then as large as the square that is taken off.
 // The gradient goes by y, whose factor is small where the images are alike, and by e less the mean
 // residual of four pixels nearby, so that a residual does not cancel that all pixels share.
+#import shared/thread
 #import shared/view
 #import shared/loss
 
@@ -103,7 +104,7 @@ fn texels(x4: i32, y: u32) -> vec4u {
 }
 
 fn channel_of(texels: vec4u, channel: u32) -> vec4f {
-    return vec4f((texels >> vec4u(8u * channel)) & vec4u(255u)) / 255.0;
+    return vec4f((texels >> vec4u(8u * channel)) & vec4u(255u)) / LEVEL_MAX;
 }
 
 // The pixels' weights: 0 outside the image; inside, 1 or, with a mask, what alpha says.
@@ -111,7 +112,7 @@ fn weights(texels: vec4u, x4: i32) -> vec4f {
     let x = vec4i(4 * x4) + vec4i(0, 1, 2, 3);
     let inside = (x >= vec4i(0)) & (x < vec4i(i32(view.size.x)));
     // A product, unlike a quotient, is exactly 1 for 255 on every driver.
-    let masked = vec4f(texels >> vec4u(24u)) * (1.0 / 255.0);
+    let masked = vec4f(texels >> vec4u(24u)) * (1.0 / LEVEL_MAX);
     let weight = select(masked, vec4f(1.0), vec4<bool>(loss.masked == 0u));
     return select(vec4f(0.0), weight, inside);
 }
@@ -137,8 +138,7 @@ struct Place {
 }
 
 // One thread `across` vectors of four pixels of `rows` rows (and a channel).
-fn place(group: vec3u, groups: vec3u, local: u32, across: u32, rows: u32, channels: u32) -> Place {
-    let index = (group.y * groups.x + group.x) * WORKGROUP + local;
+fn place(index: u32, across: u32, rows: u32, channels: u32) -> Place {
     // All rows of the padded image, so that its padding carries no gradient.
     let n_rows = view.planes.x / (view.planes.y * rows);
     let n_columns = (view.planes.y + across - 1u) / across;
@@ -188,8 +188,8 @@ fn middle(before: vec3f, own: vec3f, after: vec3f) -> vec2f {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn ssim_horizontal(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let at = place(group, groups, local, N_ACROSS, 1u, 1u);
+fn ssim_horizontal(thread: Thread) {
+    let at = place(thread_index(thread), N_ACROSS, 1u, 1u);
     if (!at.inside || at.y >= view.size.y) {
         return;
     }
@@ -284,8 +284,8 @@ fn row_weight(x4: u32, row: i32) -> vec4f {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn ssim_vertical(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let at = place(group, groups, local, 1u, SSIM_ROWS, 3u);
+fn ssim_vertical(thread: Thread) {
+    let at = place(thread_index(thread), 1u, SSIM_ROWS, 3u);
     if (!at.inside) {
         return;
     }
@@ -368,7 +368,7 @@ fn ssim_vertical(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
         derivatives[plane_index(view, base + 2u, at.x4, at.y + {r}u)] = scale * d_y;
     }
     #end
-    let index = (group.y * groups.x + group.x) * WORKGROUP + local;
+    let index = thread_index(thread);
     partials[index] = vec2f((sum.x + sum.y) + (sum.z + sum.w), 0.0);
 }
 
@@ -384,8 +384,8 @@ fn about(residual: f32, own: Strip, d_e: Strip, r_0: f32, r_1: f32, r_2: f32, r_
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn ssim_horizontal_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let at = place(group, groups, local, N_ACROSS, 1u, 1u);
+fn ssim_horizontal_backward(thread: Thread) {
+    let at = place(thread_index(thread), N_ACROSS, 1u, 1u);
     if (!at.inside || at.y >= view.size.y) {
         return;
     }
@@ -420,8 +420,8 @@ fn ssim_horizontal_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_wo
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn ssim_vertical_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let at = place(group, groups, local, 1u, SSIM_ROWS, 3u);
+fn ssim_vertical_backward(thread: Thread) {
+    let at = place(thread_index(thread), 1u, SSIM_ROWS, 3u);
     if (!at.inside) {
         return;
     }
@@ -471,6 +471,6 @@ fn ssim_vertical_backward(@builtin(workgroup_id) group: vec3u, @builtin(num_work
         d_rendered[plane_index(view, at.channel, at.x4, at.y + {r}u)] = d_ssim + loss.l1_scale * (weight * sign(difference));
     }
     #end
-    let index = (group.y * groups.x + group.x) * WORKGROUP + local;
+    let index = thread_index(thread);
     partials[index].y = (sum.x + sum.y) + (sum.z + sum.w);
 }

@@ -2,6 +2,7 @@
 // up thousands of them in a row: PAIR_BLOCK pairs, then PAIR_BLOCK such blocks. A Gaussian's pairs
 // lie together, so a block whose first and last pair are of one Gaussian is that Gaussian's alone;
 // its sums replace those of its first pair. Other blocks stay as they are, and most are such.
+#import shared/thread
 
 @group(0) @binding(0) var<storage, read> totals: array<u32>;
 @group(0) @binding(1) var<storage, read> pair_gaussian: array<u32>;
@@ -36,11 +37,11 @@ fn sum_block(thread: u32, stride: u32) {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn sum_pairs(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    sum_block((group.y * groups.x + group.x) * WORKGROUP + local, 1u);
+fn sum_pairs(thread: Thread) {
+    sum_block(thread_index(thread), 1u);
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn sum_pair_blocks(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    sum_block((group.y * groups.x + group.x) * WORKGROUP + local, PAIR_BLOCK);
+fn sum_pair_blocks(thread: Thread) {
+    sum_block(thread_index(thread), PAIR_BLOCK);
 }

@@ -1,5 +1,6 @@
 // Finds where each tile's pairs begin and end in the sorted pairs: one thread RANGE_CHUNK pairs.
 // Tiles without pairs keep the empty range that the buffer was cleared to.
+#import shared/thread
 #import shared/view
 
 @group(0) @binding(0) var<storage, read_write> totals: array<atomic<u32>>;
@@ -13,8 +14,8 @@
 const NO_TILE = 0xffffffffu;
 
 @compute @workgroup_size(WORKGROUP)
-fn find_tile_ranges(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let first = ((group.y * groups.x + group.x) * WORKGROUP + local) * RANGE_CHUNK;
+fn find_tile_ranges(thread: Thread) {
+    let first = (thread_index(thread)) * RANGE_CHUNK;
     let n = atomicLoad(&totals[TOTAL_PAIRS]);
     if (first >= n || atomicLoad(&totals[TOTAL_OVERFLOW]) != 0u) {
         return;
@@ -48,12 +49,12 @@ var<workgroup> lengths: array<u32, WORKGROUP>;
 //
 // A list longer than the step's slices cover stops the step, as pairs that do not fit do.
 @compute @workgroup_size(WORKGROUP)
-fn order_tiles(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) local: u32) {
-    let block = group.y * groups.x + group.x;
+fn order_tiles(thread: Thread) {
+    let block = workgroup_index(thread);
     let n_across = (view.size.z + BLOCK_W - 1u) / BLOCK_W;
     let n_down = (view.size.w + BLOCK_H - 1u) / BLOCK_H;
-    let x = (block % n_across) * BLOCK_W + local % BLOCK_W;
-    let y = (block / n_across) * BLOCK_H + local / BLOCK_W;
+    let x = (block % n_across) * BLOCK_W + thread.local % BLOCK_W;
+    let y = (block / n_across) * BLOCK_H + thread.local / BLOCK_W;
     let inside = x < view.size.z && y < view.size.w;
     let tile = select(view.size.z * view.size.w, y * view.size.z + x, inside);
     // One more than the length, 0 outside.
@@ -63,13 +64,13 @@ fn order_tiles(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gro
         // What ends before it begins, as a driver's fault may have it, is empty to the rasterizers.
         length = 1u + max(range.x, range.y) - range.x;
     }
-    lengths[local] = length;
+    lengths[thread.local] = length;
     workgroupBarrier();
     var rank = 0u;
     // bound: WORKGROUP turns.
     for (var i = 0u; i < WORKGROUP; i++) {
         let other = lengths[i];
-        rank += select(0u, 1u, other > length || (other == length && i < local));
+        rank += select(0u, 1u, other > length || (other == length && i < thread.local));
     }
     if (block < n_across * n_down) {
         tile_order[block * WORKGROUP + rank] = tile;

@@ -92,7 +92,7 @@ fn alpha(inverse: u32) -> Variant {
         .map(|stage| edit(stage, &from, &to))
         .into();
     let reach = format!("log2({inverse}.0 * opacity)");
-    edits.push(edit("project", "log2(255.0 * opacity)", &reach));
+    edits.push(edit("project", "log2(LEVEL_MAX * opacity)", &reach));
     Variant::new(ALPHA, &format!("1/{inverse}"), edits)
 }
 

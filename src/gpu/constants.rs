@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use crate::gaussians::SH_0;
+
 /// Threads a workgroup, in every kernel.
 pub const WORKGROUP: u32 = 64;
 /// Tile size, pixels. A thread owns a tile, four pixels a vector.
@@ -17,6 +19,7 @@ pub const SCAN_FEW: u32 = 4;
 /// Entries a thread of a radix sort moves; below 256. Bits of a digit, and of a depth key.
 pub const RADIX_CHUNK: u32 = 128;
 pub const RADIX_BITS: u32 = 4;
+pub const RADIX_DIGITS: u32 = 1 << RADIX_BITS;
 pub const DEPTH_BITS: u32 = 32;
 /// Sorted pairs a thread looks through for where tiles begin and end.
 pub const RANGE_CHUNK: u32 = 16;
@@ -58,8 +61,10 @@ pub const N_TOTALS: u32 = 6;
 pub const DILATION: f64 = 0.3;
 /// Cap of a splat's alpha (gsplat's reference).
 pub const ALPHA_MAX: f64 = 0.999;
+/// Largest value of 8 bits, which stands for 1 in images.
+pub const LEVEL_MAX: f64 = 255.0;
 /// Splats fainter than this at a pixel are skipped there (3DGS).
-pub const ALPHA_MIN: f64 = 1.0 / 255.0;
+pub const ALPHA_MIN: f64 = 1.0 / LEVEL_MAX;
 /// A pixel ends before its transmittance falls to this (3DGS).
 pub const TRANSMITTANCE_MIN: f64 = 1e-4;
 /// Pixels by which a splat's reach is widened when tiles are listed: rounding loses no pixel.
@@ -72,8 +77,6 @@ pub const SSIM_C2: f64 = 0.03 * 0.03;
 /// Side and standard deviation of SSIM's Gaussian window, pixels.
 pub const SSIM_WINDOW: usize = 11;
 pub const SSIM_SIGMA: f64 = 1.5;
-
-pub const SH_0: f64 = 0.28209479177387814;
 
 /// SSIM's window, normalised to sum 1.
 pub fn ssim_window() -> [f64; SSIM_WINDOW] {
@@ -100,7 +103,7 @@ pub fn prelude(sh_degree: u32) -> String {
         ("SCAN_FEW", SCAN_FEW),
         ("RADIX_CHUNK", RADIX_CHUNK),
         ("RANGE_CHUNK", RANGE_CHUNK),
-        ("RADIX_BITS", RADIX_BITS),
+        ("RADIX_DIGITS", RADIX_DIGITS),
         ("EMIT_CHUNK", EMIT_CHUNK),
         ("PAIR_BLOCK", PAIR_BLOCK),
         ("LIST_SLICE", LIST_SLICE),
@@ -117,6 +120,7 @@ pub fn prelude(sh_degree: u32) -> String {
         ("DILATION", DILATION),
         ("ALPHA_MAX", ALPHA_MAX),
         ("ALPHA_MIN", ALPHA_MIN),
+        ("LEVEL_MAX", LEVEL_MAX),
         ("TRANSMITTANCE_MIN", TRANSMITTANCE_MIN),
         ("RIM", RIM),
         ("CONIC_SCALE", (0.5 * std::f64::consts::LOG2_E).sqrt()),

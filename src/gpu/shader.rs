@@ -1,6 +1,6 @@
 //! Shader composition: a stage's source is its file with `#import shared/NAME` lines replaced by
-//! `shaders/shared/NAME.wgsl` and `#repeat` blocks written out, behind the constants of
-//! [`super::constants`].
+//! `shaders/shared/NAME.wgsl`, each file once, and `#repeat` blocks written out, behind the constants
+//! of [`super::constants`].
 
 use super::constants;
 
@@ -11,6 +11,7 @@ macro_rules! sources {
 }
 
 const SHARED: &[(&str, &str)] = sources![
+    "shared/thread",
     "shared/view",
     "shared/double",
     "shared/gaussian",
@@ -52,15 +53,27 @@ pub type Sources<'a> = &'a (dyn Fn(&str, u32) -> String + Sync);
 /// On a stage, import or count that does not exist: a fault in this program.
 pub fn compose(stage: &str, sh_degree: u32) -> String {
     let mut source = String::new();
-    for line in lookup(STAGES, stage).lines() {
-        source.push_str(match line.strip_prefix("#import ") {
-            Some(import) => lookup(SHARED, import.trim()),
-            None => line,
-        });
-        source.push('\n');
-    }
+    import(lookup(STAGES, stage), &mut Vec::new(), &mut source);
     let lines: Vec<&str> = source.lines().collect();
     constants::prelude(sh_degree) + &unroll(&lines)
+}
+
+/// Appends `text` to `source`, with each file that it imports in place of the first line that asks
+/// for it; `imported` names the files that are there already. A shared file imports what it needs.
+fn import<'a>(text: &'a str, imported: &mut Vec<&'a str>, source: &mut String) {
+    for line in text.lines() {
+        match line.strip_prefix("#import ").map(str::trim) {
+            Some(name) if imported.contains(&name) => {}
+            Some(name) => {
+                imported.push(name);
+                import(lookup(SHARED, name), imported, source);
+            }
+            None => {
+                source.push_str(line);
+                source.push('\n');
+            }
+        }
+    }
 }
 
 /// Writes the lines between `#repeat NAME COUNT` and `#end` out COUNT times, `{NAME}` replaced by

@@ -6,8 +6,8 @@ use super::pose::{PoseGradient, PoseKernels};
 use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use super::workspace::{Workspace, n_chunks, n_partials};
 use crate::gpu::constants::{
-    EMIT_CHUNK, PAIR_BLOCK, RADIX_BITS, RANGE_CHUNK, SCAN_CHUNK, SCAN_FEW, TOTAL_DIGITS,
-    TOTAL_PAIRS, WORKGROUP,
+    EMIT_CHUNK, PAIR_BLOCK, RADIX_BITS, RADIX_DIGITS, RANGE_CHUNK, SCAN_CHUNK, SCAN_FEW,
+    TOTAL_DIGITS, TOTAL_PAIRS, WORKGROUP,
 };
 use crate::gpu::{Commands, Gpu, shader_count};
 
@@ -51,7 +51,7 @@ impl<'a> Pass<'a> {
         uniforms
             .scan_pairs
             .write(gpu, &[scan(n, TOTAL_PAIRS, pairs)]);
-        let n_digits = shader_count(n_chunks(model.n) << RADIX_BITS);
+        let n_digits = shader_count(n_chunks(model.n) * RADIX_DIGITS as usize);
         let digits = |n| scan(n, TOTAL_DIGITS, 0);
         uniforms.scan_splat_digits.write(gpu, &[digits(n_digits)]);
         uniforms.scan_pair_digits.write(gpu, &[digits(0)]);
@@ -171,7 +171,7 @@ impl<'a> Pass<'a> {
         let n_chunks = n_chunks(n as usize) as u64;
         for groups in passes {
             commands.dispatch(&self.kernels.radix_count, &groups.count, n_chunks);
-            self.scan(commands, &groups.scan, n_chunks << RADIX_BITS);
+            self.scan(commands, &groups.scan, n_chunks * u64::from(RADIX_DIGITS));
             commands.dispatch(&self.kernels.radix_move, &groups.shift, n_chunks);
         }
     }

@@ -5,7 +5,8 @@ use super::model::Model;
 use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use crate::error::Result;
 use crate::gpu::constants::{
-    DEPTH_BITS, LIST_SLICE, N_TOTALS, RADIX_BITS, RADIX_CHUNK, SCAN_CHUNK, SSIM_ROWS, WORKGROUP,
+    DEPTH_BITS, LIST_SLICE, N_TOTALS, RADIX_BITS, RADIX_CHUNK, RADIX_DIGITS, SCAN_CHUNK, SSIM_ROWS,
+    WORKGROUP,
 };
 use crate::gpu::{Buffer, Gpu, shader_count};
 
@@ -262,7 +263,7 @@ fn entries(gpu: &Gpu, label: &str, n: usize) -> Result<Buffer> {
 
 /// Counts of the larger radix sort.
 pub(super) fn n_digits(capacity: Capacity) -> usize {
-    n_chunks(capacity.stride.max(capacity.pairs)) << RADIX_BITS
+    n_chunks(capacity.stride.max(capacity.pairs)) * RADIX_DIGITS as usize
 }
 
 /// Blocks of the largest scan.

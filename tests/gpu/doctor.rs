@@ -129,8 +129,8 @@ const PLANTS: [Plant; 36] = [
     ),
     plant(
         "ssim",
-        "* (1.0 / 255.0);\n    let weight = select(masked,",
-        "* (1.0 / 255.0);\n    let weight = select(ceil(masked),",
+        "* (1.0 / LEVEL_MAX);\n    let weight = select(masked,",
+        "* (1.0 / LEVEL_MAX);\n    let weight = select(ceil(masked),",
         stage::MASKED_LOSS,
     ),
     plant("ssim", "+ row_e * (residual - of_row);", ";", stage::LOSS),
