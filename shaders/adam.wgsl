@@ -3,22 +3,46 @@
 // times the view's colour gradient, summed over the step's views here.
 #import shared/thread
 #import shared/sh
+#import shared/on_screen
+
+// One of a step's views.
+struct StepView {
+    // Optical centre, and the digits of it that f32 has no room for.
+    center: vec3f,
+    // 1 where the view takes part, else 0.
+    weight: f32,
+    center_low: vec3f,
+    pad: f32,
+}
 
 struct Step {
-    // Optical centres of the step's views; w: 1 where the view takes part. Their low parts hold the
-    // digits that f32 has no room for.
-    centers: array<vec4f, 2>,
-    centers_low: array<vec4f, 2>,
-    // Learning rates: planes 0 to 2 of the geometry, then x: SH degree 0, y: higher degrees.
-    rates: array<vec4f, 4>,
-    // beta1, beta2, 1 - beta1, 1 - beta2: the difference would lose three digits here.
-    betas: vec4f,
-    // 1 / (1 - beta1^t), 1 / sqrt(1 - beta2^t), epsilon, 0.
-    corrections: vec4f,
-    // x: distance from the focus beyond which a Gaussian's geometry is frozen.
-    limits: vec4f,
-    // Number of Gaussians, stride, 0, 0.
-    counts: vec4u,
+    views: array<StepView, 2>,
+    // Learning rates of the geometry's planes, of SH degree 0 and of higher ones.
+    geometry_rates: array<vec4f, 3>,
+    sh_0_rate: f32,
+    sh_rate: f32,
+    pad_0: f32,
+    pad_1: f32,
+    beta_1: f32,
+    beta_2: f32,
+    // 1 - beta_1 and 1 - beta_2, which would lose three digits here.
+    new_share_1: f32,
+    new_share_2: f32,
+    // 1 / (1 - beta_1^t) and 1 / sqrt(1 - beta_2^t).
+    correction_1: f32,
+    correction_2: f32,
+    epsilon: f32,
+    pad_2: f32,
+    // Distance from the focus beyond which a Gaussian's geometry is frozen.
+    frozen_beyond: f32,
+    pad_3: f32,
+    pad_4: f32,
+    pad_5: f32,
+    n_gaussians: u32,
+    // Entries a plane.
+    stride: u32,
+    pad_6: u32,
+    pad_7: u32,
 }
 
 @group(0) @binding(0) var<uniform> step: Step;
@@ -29,36 +53,36 @@ struct Step {
 @group(0) @binding(4) var<storage, read> source: array<vec4f>;
 @group(0) @binding(5) var<storage, read> d_color: array<vec4f>;
 @group(0) @binding(7) var<storage, read> totals: array<u32>;
-@group(0) @binding(8) var<storage, read> screen: array<vec2f>;
-// Densification statistics: sum of |d_mean2d|, number of views drawn in, largest radius, 0.
-// They belong to the step that is taken, not to the view: a step that is repeated because its
+@group(0) @binding(8) var<storage, read> screen: array<OnScreen>;
+// What densification gathers: sum of `gradient`, number of views drawn in, largest `radius`, 0. They
+// belong to the step that is taken, not to the view: a step that is repeated because its
 // pairs did not fit counts once.
 @group(0) @binding(9) var<storage, read_write> statistics: array<vec4f>;
 
 fn update(index: u32, gradient: vec4f, rate: vec4f) {
-    let m = step.betas.x * first_moment[index] + step.betas.z * gradient;
-    let v = step.betas.y * second_moment[index] + step.betas.w * (gradient * gradient);
+    let m = step.beta_1 * first_moment[index] + step.new_share_1 * gradient;
+    let v = step.beta_2 * second_moment[index] + step.new_share_2 * (gradient * gradient);
     first_moment[index] = m;
     second_moment[index] = v;
-    parameters[index] -= rate * (m * step.corrections.x) / (sqrt(v) * step.corrections.y + step.corrections.z);
+    parameters[index] -= rate * (m * step.correction_1) / (sqrt(v) * step.correction_2 + step.epsilon);
 }
 
 @compute @workgroup_size(WORKGROUP)
 fn adam_geometry(thread: Thread) {
     let id = thread_index(thread);
-    if (id >= step.counts.x || totals[TOTAL_OVERFLOW] != 0u) {
+    if (id >= step.n_gaussians || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
-    let frozen = length(parameters[id].xyz) > step.limits.x;
+    let frozen = length(parameters[id].xyz) > step.frozen_beyond;
     // bound: 3 turns.
     for (var plane = 0u; plane < 3u; plane++) {
-        let index = plane * step.counts.y + id;
-        update(index, source[index], select(step.rates[plane], vec4f(0.0), frozen));
+        let index = plane * step.stride + id;
+        update(index, source[index], select(step.geometry_rates[plane], vec4f(0.0), frozen));
     }
     let seen = screen[id];
-    if (seen.y > 0.0) {
+    if (seen.radius > 0.0) {
         let old = statistics[id];
-        statistics[id] = vec4f(old.x + seen.x, old.y + 1.0, max(old.z, seen.y), 0.0);
+        statistics[id] = vec4f(old.x + seen.gradient, old.y + 1.0, max(old.z, seen.radius), 0.0);
     }
 }
 
@@ -73,13 +97,13 @@ struct ShGradient {
 fn sh_gradient(id: u32) -> ShGradient {
     let mean = source[id].xyz;
     // A Gaussian at an optical centre is never drawn: its direction only must not be NaN.
-    let offset_0 = (mean - step.centers[0].xyz) - step.centers_low[0].xyz;
-    let offset_1 = (mean - step.centers[1].xyz) - step.centers_low[1].xyz;
+    let offset_0 = (mean - step.views[0].center) - step.views[0].center_low;
+    let offset_1 = (mean - step.views[1].center) - step.views[1].center_low;
     return ShGradient(
         sh_basis(offset_0 / max(length(offset_0), 1e-30)),
         sh_basis(offset_1 / max(length(offset_1), 1e-30)),
-        d_color[id].xyz * step.centers[0].w,
-        d_color[step.counts.y + id].xyz * step.centers[1].w,
+        d_color[id].xyz * step.views[0].weight,
+        d_color[step.stride + id].xyz * step.views[1].weight,
     );
 }
 
@@ -99,13 +123,13 @@ fn sh_third(y_0: vec4f, y_1: vec4f, c_0: vec3f, c_1: vec3f) -> vec4f {
 @compute @workgroup_size(WORKGROUP)
 fn adam_sh_0(thread: Thread) {
     let id = thread_index(thread);
-    if (id >= step.counts.x || totals[TOTAL_OVERFLOW] != 0u) {
+    if (id >= step.n_gaussians || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
     let g = sh_gradient(id);
-    let stride = step.counts.y;
-    let rest = vec4f(step.rates[3].y);
-    update(id, sh_first(g.basis_0.a, g.basis_1.a, g.color_0, g.color_1), vec4f(vec3f(step.rates[3].x), rest.w));
+    let stride = step.stride;
+    let rest = vec4f(step.sh_rate);
+    update(id, sh_first(g.basis_0.a, g.basis_1.a, g.color_0, g.color_1), vec4f(vec3f(step.sh_0_rate), rest.w));
     if (SH_DEGREE >= 1u) {
         update(stride + id, sh_second(g.basis_0.a, g.basis_1.a, g.color_0, g.color_1), rest);
         update(2u * stride + id, sh_third(g.basis_0.a, g.basis_1.a, g.color_0, g.color_1), rest);
@@ -115,12 +139,12 @@ fn adam_sh_0(thread: Thread) {
 @compute @workgroup_size(WORKGROUP)
 fn adam_sh_2(thread: Thread) {
     let id = thread_index(thread);
-    if (id >= step.counts.x || totals[TOTAL_OVERFLOW] != 0u) {
+    if (id >= step.n_gaussians || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
     let g = sh_gradient(id);
-    let stride = step.counts.y;
-    let rate = vec4f(step.rates[3].y);
+    let stride = step.stride;
+    let rate = vec4f(step.sh_rate);
     update(id, sh_first(g.basis_0.b, g.basis_1.b, g.color_0, g.color_1), rate);
     update(stride + id, sh_second(g.basis_0.b, g.basis_1.b, g.color_0, g.color_1), rate);
     update(2u * stride + id, sh_third(g.basis_0.b, g.basis_1.b, g.color_0, g.color_1), rate);
@@ -130,12 +154,12 @@ fn adam_sh_2(thread: Thread) {
 @compute @workgroup_size(WORKGROUP)
 fn adam_sh_3(thread: Thread) {
     let id = thread_index(thread);
-    if (id >= step.counts.x || totals[TOTAL_OVERFLOW] != 0u) {
+    if (id >= step.n_gaussians || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
     let g = sh_gradient(id);
-    let stride = step.counts.y;
-    let rate = vec4f(step.rates[3].y);
+    let stride = step.stride;
+    let rate = vec4f(step.sh_rate);
     update(id, sh_second(g.basis_0.c, g.basis_1.c, g.color_0, g.color_1), rate);
     update(stride + id, sh_third(g.basis_0.c, g.basis_1.c, g.color_0, g.color_1), rate);
     update(2u * stride + id, sh_first(g.basis_0.d, g.basis_1.d, g.color_0, g.color_1), rate);

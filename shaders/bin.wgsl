@@ -4,22 +4,30 @@
 // fills the screen is shared by many threads.
 #import shared/thread
 #import shared/view
+#import shared/splat
+#import shared/entries
 
-const COUNT = 0u;
+// What a dispatch does.
+struct Bin {
+    // 0: COUNT, 1: EMIT.
+    emits: u32,
+    pad_0: u32,
+    pad_1: u32,
+    pad_2: u32,
+}
 
 @group(0) @binding(0) var<uniform> view: View;
-@group(0) @binding(1) var<storage, read> splats: array<vec4f>;
+@group(0) @binding(1) var<storage, read> splats: array<SplatVectors>;
 // Per splat, front to back: number of tiles (COUNT), then the first pair (EMIT).
 @group(0) @binding(2) var<storage, read_write> splat_pairs: array<u32>;
-// (tile, pair).
-@group(0) @binding(4) var<storage, read_write> pairs: array<vec2u>;
+@group(0) @binding(4) var<storage, read_write> pairs: array<TilePair>;
 @group(0) @binding(5) var<storage, read_write> pair_gaussian: array<u32>;
 @group(0) @binding(6) var<storage, read> totals: array<u32>;
-@group(0) @binding(7) var<uniform> mode: vec4u;
-// Per Gaussian (EMIT): its first pair and one past its last.
-@group(0) @binding(3) var<storage, read_write> gaussian_pairs: array<vec2u>;
-// (key, Gaussian), front to back.
-@group(0) @binding(8) var<storage, read> depth_order: array<vec2u>;
+@group(0) @binding(7) var<uniform> mode: Bin;
+// Per Gaussian (EMIT).
+@group(0) @binding(3) var<storage, read_write> gaussian_pairs: array<Range>;
+// Front to back.
+@group(0) @binding(8) var<storage, read> depth_order: array<DepthEntry>;
 
 // The ellipse |t|^2 = reach, on which a splat's alpha falls to ALPHA_MIN, with the rows of tiles that
 // it meets. All is in t, in which a mean far outside is no large number.
@@ -39,27 +47,26 @@ struct Outline {
 }
 
 fn outline(id: u32) -> Outline {
-    let s0 = splats[3u * id];
-    let s1 = splats[3u * id + 1u];
+    let s = unpacked(splats[id]);
     var o: Outline;
-    o.anchor = s0.xy;
-    o.t_0 = s0.zw;
-    o.l_xy = s1.y;
-    o.l_yy = s1.z;
+    o.anchor = s.anchor;
+    o.t_0 = s.t_0;
+    o.l_xy = s.l_xy;
+    o.l_yy = s.l_yy;
     // Rounding may not lose a pixel at the rim.
-    let reach = s1.w * 1.0001 + 1e-4;
+    let reach = s.reach * 1.0001 + 1e-4;
     let radius = sqrt(reach);
-    let inv_yy = 1.0 / s1.z;
-    let inv_xx = 1.0 / s1.x;
-    let slope = -s1.y * inv_yy;
+    let inv_yy = 1.0 / s.l_yy;
+    let inv_xx = 1.0 / s.l_xx;
+    let slope = -s.l_xy * inv_yy;
     o.reach = reach;
     o.radius = radius;
     o.inv_xx = inv_xx;
     o.inv_yy = inv_yy;
     o.t_right = radius * slope / sqrt(1.0 + slope * slope);
-    let top = max(ceil(s0.y - (s0.w + radius) * inv_yy - 0.5 - RIM), 0.0);
-    let bottom = min(floor(s0.y - (s0.w - radius) * inv_yy - 0.5 + RIM), f32(view.size.y) - 1.0);
-    if (s1.w > 0.0 && top <= bottom) {
+    let top = max(ceil(s.anchor.y - (s.t_0.y + radius) * inv_yy - 0.5 - RIM), 0.0);
+    let bottom = min(floor(s.anchor.y - (s.t_0.y - radius) * inv_yy - 0.5 + RIM), f32(view.size.y) - 1.0);
+    if (s.reach > 0.0 && top <= bottom) {
         o.rows = vec2u(u32(top) / TILE_H, u32(bottom) / TILE_H + 1u);
     }
     return o;
@@ -108,8 +115,8 @@ fn owner(pair: u32, low: u32, step: u32, n: u32) -> u32 {
 @compute @workgroup_size(WORKGROUP)
 fn bin(thread: Thread) {
     let index = thread_index(thread);
-    let n = view.counts.x;
-    let counting = mode.x == COUNT;
+    let n = view.n_gaussians;
+    let counting = mode.emits == 0u;
     if (!counting && totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
@@ -118,7 +125,7 @@ fn bin(thread: Thread) {
         if (index + 1u < n) {
             last = splat_pairs[index + 1u];
         }
-        gaussian_pairs[depth_order[index].y] = vec2u(splat_pairs[index], last);
+        gaussian_pairs[depth_order[index].gaussian] = Range(splat_pairs[index], last);
     }
     // Emitting, the thread's pairs; counting, all pairs of one splat, and none is written.
     var pair = select(index * EMIT_CHUNK, 0u, counting);
@@ -134,7 +141,7 @@ fn bin(thread: Thread) {
     for (var k = 0u; k < n_splats && pair < end; k++) {
         rank = owner(pair, rank, step, n_searched);
         step = 1u;
-        let id = depth_order[rank].y;
+        let id = depth_order[rank].gaussian;
         let o = outline(id);
         before = 0u;
         if (!counting) {
@@ -144,10 +151,10 @@ fn bin(thread: Thread) {
         for (var row = o.rows.x; row < o.rows.y; row++) {
             let span = columns(o, row);
             let stop = min(before + span.y, select(end, 0u, counting));
-            let first = row * view.size.z + span.x;
+            let first = row * view.tiles.x + span.x;
             // bound: EMIT_CHUNK turns over all rows and splats together.
             for (; pair < stop; pair++) {
-                pairs[pair] = vec2u(first + pair - before, pair);
+                pairs[pair] = TilePair(first + pair - before, pair);
                 pair_gaussian[pair] = id;
             }
             before += span.y;

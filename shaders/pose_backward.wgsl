@@ -18,10 +18,18 @@
 @group(0) @binding(4) var<storage, read> sh_3: array<vec4f>;
 @group(0) @binding(5) var<storage, read> d_geometry: array<vec4f>;
 @group(0) @binding(6) var<storage, read> d_color: array<vec4f>;
-// Per workgroup of pose_backward: turn, shift, in the axes of the means.
-@group(0) @binding(7) var<storage, read_write> pose_sums: array<vec4f>;
-// Turn (per radian) and shift (per unit of length), in the camera's axes.
-@group(0) @binding(8) var<storage, read_write> d_pose: array<vec4f>;
+// Per workgroup of pose_backward, in the axes of the means.
+@group(0) @binding(7) var<storage, read_write> pose_sums: array<Motion>;
+// In the camera's axes.
+@group(0) @binding(8) var<storage, read_write> d_pose: Motion;
+
+// The gradient with respect to a motion.
+struct Motion {
+    // Per radian.
+    turn: vec3f,
+    // Per unit of length.
+    shift: vec3f,
+}
 
 var<workgroup> turns: array<vec3f, WORKGROUP>;
 var<workgroup> shifts: array<vec3f, WORKGROUP>;
@@ -46,8 +54,8 @@ fn pose_backward(thread: Thread) {
     let id = block * WORKGROUP + thread.local;
     var turn = vec3f(0.0);
     var shift = vec3f(0.0);
-    if (id < view.counts.x) {
-        let stride = view.counts.y;
+    if (id < view.n_gaussians) {
+        let stride = view.stride;
         let offset = from_center(view, geometry[id].xyz);
         let q = geometry[2u * stride + id];
         let d_q = d_geometry[2u * stride + id];
@@ -65,28 +73,26 @@ fn pose_backward(thread: Thread) {
         turn = cross(offset, d_mean) + 0.5 * torque;
     }
     sum_workgroup(thread.local, turn, shift);
-    if (thread.local == 0u && block * WORKGROUP < view.counts.x) {
-        pose_sums[2u * block] = vec4f(turns[0], 0.0);
-        pose_sums[2u * block + 1u] = vec4f(shifts[0], 0.0);
+    if (thread.local == 0u && block * WORKGROUP < view.n_gaussians) {
+        pose_sums[block] = Motion(turns[0], shifts[0]);
     }
 }
 
 @compute @workgroup_size(WORKGROUP)
 fn pose_total(thread: Thread) {
-    let n_blocks = (view.counts.x + WORKGROUP - 1u) / WORKGROUP;
+    let n_blocks = (view.n_gaussians + WORKGROUP - 1u) / WORKGROUP;
     let chunk = (n_blocks + WORKGROUP - 1u) / WORKGROUP;
     var turn = vec3f(0.0);
     var shift = vec3f(0.0);
     // bound: n / WORKGROUP^2 + 1 turns, n below 2^27: a Gaussian's geometry takes 48 bytes of a binding.
     for (var i = thread.local * chunk; i < min((thread.local + 1u) * chunk, n_blocks); i++) {
-        turn += pose_sums[2u * i].xyz;
-        shift += pose_sums[2u * i + 1u].xyz;
+        turn += pose_sums[i].turn;
+        shift += pose_sums[i].shift;
     }
     sum_workgroup(thread.local, turn, shift);
     if (thread.local == 0u) {
         let w = mat3x3f(view.w2c_x.xyz, view.w2c_y.xyz, view.w2c_z.xyz);
         // v * w is the product of w's transpose: w's columns are the rotation's rows.
-        d_pose[0] = vec4f(turns[0] * w, 0.0);
-        d_pose[1] = vec4f(shifts[0] * w, 0.0);
+        d_pose = Motion(turns[0] * w, shifts[0] * w);
     }
 }

@@ -1,18 +1,8 @@
-// Projects every Gaussian into the view: one thread a Gaussian.
-//
-// A splat is three vec4f side by side:
-//   3 id: anchor, t_0   3 id + 1: l_xx, l_xy, l_yy, reach   3 id + 2: r, g, b, opacity
-// with alpha = opacity 2^-(t_x^2 + t_y^2) in the pixel (dx, dy) from the anchor,
-//   t_x = t_0.x + l_xx dx + l_xy dy,  t_y = t_0.y + l_yy dy:
-// the Cholesky factor L of the conic, scaled by sqrt(log2(e) / 2). Nothing cancels in it, however
-// elongated the splat is. The anchor is the image's pixel centre nearest to the projected mean, so
-// that dx and dy are whole numbers, and t_0 = L (anchor - mean) is rounded once: of a mean 1e5
-// pixels off the image, f32 would keep no hundredth of a pixel. `reach` = log2(255 opacity) bounds
-// t_x^2 + t_y^2; it is 0 where the Gaussian is not drawn.
-//
-// `depth_order` gets the key of the depth sort, too.
+// Projects every Gaussian into the view, and finds the key of the depth sort: one thread a Gaussian.
 #import shared/thread
 #import shared/view
+#import shared/splat
+#import shared/entries
 #import shared/double
 #import shared/gaussian
 #import shared/dropout
@@ -23,10 +13,9 @@
 @group(0) @binding(2) var<storage, read> sh_0: array<vec4f>;
 @group(0) @binding(3) var<storage, read> sh_2: array<vec4f>;
 @group(0) @binding(4) var<storage, read> sh_3: array<vec4f>;
-@group(0) @binding(5) var<storage, read_write> splats: array<vec4f>;
+@group(0) @binding(5) var<storage, read_write> splats: array<SplatVectors>;
 
-// (key, Gaussian).
-@group(0) @binding(6) var<storage, read_write> depth_order: array<vec2u>;
+@group(0) @binding(6) var<storage, read_write> depth_order: array<DepthEntry>;
 
 const NOT_DRAWN = 0xffffffffu;
 // Powers of 2 that a distance from the frame's origin may be smaller than the origin's depth, in the
@@ -41,8 +30,8 @@ const ORIGIN_RANGE = 64u << 23u;
 fn depth_key(z: Double) -> u32 {
     let origin = view.w2c_z.w;
     let halfway = 0.5 * origin;
-    let nearest = bitcast<u32>(view.center_near.w);
-    if (z.hi.z < halfway || !(halfway > view.center_near.w)) {
+    let nearest = bitcast<u32>(view.near);
+    if (z.hi.z < halfway || !(halfway > view.near)) {
         return bitcast<u32>(z.hi.z) - nearest;
     }
     let distance = max((z.hi.z - origin) + z.lo.z, -halfway);
@@ -71,9 +60,9 @@ fn exact_shear(g: Gaussian, o: Projection, r: Double) -> f32 {
     let w_z = Double(view.w2c_z.xyz, view.w2c_low_z.xyz);
     let t_x = exact_row(Double(view.w2c_x.xyz, view.w2c_low_x.xyz), w_z, first(o.ratio_bounded), g.rotation_wxyz);
     let t_y = exact_row(Double(view.w2c_y.xyz, view.w2c_low_y.xyz), w_z, second(o.ratio_bounded), g.rotation_wxyz);
-    let focal = Double(vec3f(view.intrinsics.xy, 0.0), vec3f(view.intrinsics_low.xy, 0.0));
+    let focal = Double(vec3f(view.focal, 0.0), vec3f(view.focal_low, 0.0));
     // Rounded factors that both rows share change the covariance by nothing but its dilation.
-    let scale = double(o.scale * (view.intrinsics.y / (o.p.hi.z * dot(g.rotation_wxyz, g.rotation_wxyz))));
+    let scale = double(o.scale * (view.focal.y / (o.p.hi.z * dot(g.rotation_wxyz, g.rotation_wxyz))));
     let m_x = product(t_x, scale);
     let m_y = product(t_y, scale);
     let stretch = quotient(first(focal), second(focal));
@@ -86,22 +75,19 @@ fn exact_shear(g: Gaussian, o: Projection, r: Double) -> f32 {
 @compute @workgroup_size(WORKGROUP)
 fn project(thread: Thread) {
     let id = thread_index(thread);
-    if (id >= view.counts.x) {
+    if (id >= view.n_gaussians) {
         return;
     }
-    let stride = view.counts.y;
-    let g0 = geometry[id];
-    let g1 = geometry[stride + id];
-    let g2 = geometry[2u * stride + id];
-    let g = Gaussian(g0.xyz, g0.w, g1.xyz, g2);
-    splats[3u * id + 1u] = vec4f(0.0);
-    depth_order[id] = vec2u(NOT_DRAWN, id);
-    if (is_dropped(view, id, g.mean, g1.w)) {
+    let stride = view.stride;
+    let g = gaussian(id);
+    splats[id].factor_reach = vec4f(0.0);
+    depth_order[id] = DepthEntry(NOT_DRAWN, id);
+    if (is_dropped(view, id, g.mean, g.density)) {
         return;
     }
 
     let o = project_gaussian(view, g);
-    if (!((o.p.hi.z - view.center_near.w) + o.p.lo.z > 0.0)) {
+    if (!((o.p.hi.z - view.near) + o.p.lo.z > 0.0)) {
         return;
     }
     // Above 1 it widens the core in which alpha is capped.
@@ -120,10 +106,10 @@ fn project(thread: Thread) {
     let l_xx = CONIC_SCALE / sqrt(var_x);
     let l_xy = -(b / cov_yy) * l_xx;
     let l_yy = CONIC_SCALE / sqrt(cov_yy);
-    let focal = Double(vec3f(view.intrinsics.xy, 0.0), vec3f(view.intrinsics_low.xy, 0.0));
-    let principal = Double(vec3f(view.intrinsics.zw, 0.0), vec3f(view.intrinsics_low.zw, 0.0));
+    let focal = Double(vec3f(view.focal, 0.0), vec3f(view.focal_low, 0.0));
+    let principal = Double(vec3f(view.principal, 0.0), vec3f(view.principal_low, 0.0));
     let mean2d = sum(product(focal, o.ratio), principal);
-    let anchor = clamp(floor(mean2d.hi.xy), vec2f(0.0), vec2f(view.size.xy) - 1.0) + 0.5;
+    let anchor = clamp(floor(mean2d.hi.xy), vec2f(0.0), vec2f(view.size) - 1.0) + 0.5;
     // The anchor less the mean.
     let r = sum(double(vec3f(anchor, 0.0)), negated(mean2d));
     var shear = r.hi.x - (b / cov_yy) * r.hi.y;
@@ -158,8 +144,6 @@ fn project(thread: Thread) {
         return;
     }
 
-    splats[3u * id] = vec4f(anchor, t_0);
-    splats[3u * id + 1u] = vec4f(l_xx, l_xy, l_yy, reach);
-    splats[3u * id + 2u] = vec4f(max(color, vec3f(0.0)), opacity);
-    depth_order[id] = vec2u(depth_key(o.p), id);
+    splats[id] = packed(Splat(anchor, t_0, l_xx, l_xy, l_yy, reach, max(color, vec3f(0.0)), opacity));
+    depth_order[id] = DepthEntry(depth_key(o.p), id);
 }

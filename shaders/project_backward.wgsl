@@ -3,6 +3,10 @@
 // normalisation to the stored parameters. The step's first view writes, its second adds.
 #import shared/thread
 #import shared/view
+#import shared/splat
+#import shared/entries
+#import shared/pair_gradient
+#import shared/on_screen
 #import shared/double
 #import shared/gaussian
 #import shared/dropout
@@ -14,9 +18,8 @@
 @group(0) @binding(2) var<storage, read> sh_0: array<vec4f>;
 @group(0) @binding(3) var<storage, read> sh_2: array<vec4f>;
 @group(0) @binding(4) var<storage, read> sh_3: array<vec4f>;
-@group(0) @binding(5) var<storage, read> splats: array<vec4f>;
-// Per Gaussian: its first pair and one past its last.
-@group(0) @binding(6) var<storage, read> gaussian_pairs: array<vec2u>;
+@group(0) @binding(5) var<storage, read> splats: array<SplatVectors>;
+@group(0) @binding(6) var<storage, read> gaussian_pairs: array<Range>;
 @group(0) @binding(7) var<storage, read> d_pair_a: array<vec4f>;
 @group(0) @binding(8) var<storage, read> d_pair_b: array<vec4f>;
 @group(0) @binding(9) var<storage, read> d_pair_c: array<f32>;
@@ -24,9 +27,8 @@
 @group(0) @binding(10) var<storage, read_write> d_geometry: array<vec4f>;
 // One plane a view of the step: xyz d_color (0 where the colour is clamped at 0).
 @group(0) @binding(11) var<storage, read_write> d_color: array<vec4f>;
-// Of the step's first view: |d_mean2d| in normalised device coordinates, radius as a share of the
-// longer image side (0: not drawn).
-@group(0) @binding(12) var<storage, read_write> screen: array<vec2f>;
+// How the step's first view sees each Gaussian.
+@group(0) @binding(12) var<storage, read_write> screen: array<OnScreen>;
 @group(0) @binding(13) var<storage, read> totals: array<u32>;
 
 const TWO_LN_2 = 1.3862943611198906;
@@ -34,21 +36,21 @@ const TWO_LN_2 = 1.3862943611198906;
 @compute @workgroup_size(WORKGROUP)
 fn project_backward(thread: Thread) {
     let id = thread_index(thread);
-    if (id >= view.counts.x || totals[TOTAL_OVERFLOW] != 0u) {
+    if (id >= view.n_gaussians || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
-    let stride = view.counts.y;
-    let slot = view.planes.z;
+    let stride = view.stride;
+    let slot = view.slot;
     // Always true together with the first part alone; as it stands, no branch depends on uniforms
     // only. Mesa's software driver would compile the kernel anew for every dispatch of such a one.
-    let is_first = (slot == 0u) & (id < view.counts.x);
+    let is_first = (slot == 0u) & (id < view.n_gaussians);
     let range = gaussian_pairs[id];
-    if (range.x == range.y) {
+    if (range.first == range.end) {
         if (is_first) {
             d_geometry[id] = vec4f(0.0);
             d_geometry[stride + id] = vec4f(0.0);
             d_geometry[2u * stride + id] = vec4f(0.0);
-            screen[id] = vec2f(0.0);
+            screen[id] = OnScreen(0.0, 0.0);
         }
         d_color[slot * stride + id] = vec4f(0.0);
         return;
@@ -59,35 +61,31 @@ fn project_backward(thread: Thread) {
     // Single pairs up to an aligned block, such blocks up to an aligned block of them, those, and
     // the same backwards.
     // bound: 4 (PAIR_BLOCK - 1) turns and one for PAIR_BLOCK^2 pairs, held by the host.
-    for (var pair = range.x; pair < range.y;) {
+    for (var pair = range.first; pair < range.end;) {
         a += d_pair_a[pair];
         b += d_pair_b[pair];
         c += d_pair_c[pair];
-        let left = range.y - pair;
+        let left = range.end - pair;
         var n_summed = select(1u, PAIR_BLOCK, pair % PAIR_BLOCK == 0u && left >= PAIR_BLOCK);
         let large = PAIR_BLOCK * PAIR_BLOCK;
         n_summed = select(n_summed, large, pair % large == 0u && left >= large);
         pair += n_summed;
     }
 
-    let g0 = geometry[id];
-    let g1 = geometry[stride + id];
-    let g2 = geometry[2u * stride + id];
-    let g = Gaussian(g0.xyz, g0.w, g1.xyz, g2);
-    let s1 = splats[3u * id + 1u];
-    let s2 = splats[3u * id + 2u];
-    let color = s2.xyz;
+    let d = pair_gradient(a, b, c);
+    let g = gaussian(id);
+    let s = unpacked(splats[id]);
     let o = project_gaussian(view, g);
-    let l_xx = s1.x;
-    let l_xy = s1.y;
-    let l_yy = s1.z;
+    let l_xx = s.l_xx;
+    let l_xy = s.l_xy;
+    let l_yy = s.l_yy;
 
     // n = cov2d^-1 d: d_mean2d = sum v n, dL/dcov2d = sum v n n^T / 2, in the moments of t.
-    let d_mean2d = TWO_LN_2 * vec2f(l_xx * a.y, l_xy * a.y + l_yy * a.z);
+    let d_mean2d = TWO_LN_2 * vec2f(l_xx * d.x, l_xy * d.x + l_yy * d.y);
     // With L the conic's factor and T the moments of t: 2 dL/dcov2d = k^2 L^T T L. Everything goes
     // through the whitened L M and L J W, where a long splat's own direction has length 1: in
     // pixels its length would meet the inverse of its width and cancel.
-    let moments = TWO_LN_2 * TWO_LN_2 * vec3f(a.w, b.x, b.y);
+    let moments = TWO_LN_2 * TWO_LN_2 * vec3f(d.xx, d.xy, d.yy);
     let root_yy = sqrt(dot(o.m_y, o.m_y) + DILATION);
     let unit_y = o.m_y / root_yy;
     // m_x - (cov_xy / cov_yy) m_y, with its cancelling part as minors.
@@ -106,12 +104,12 @@ fn project_backward(thread: Thread) {
     let d_t_x = l_xx * d_u_x;
     let d_t_y = l_xy * d_u_x + l_yy * d_u_y;
     let inv_z = 1.0 / o.p.hi.z;
-    let focal_z = view.intrinsics.xy * inv_z;
+    let focal_z = view.focal * inv_z;
     // Through x/z and y/z of the Jacobian (zero where bounded) and of the mean.
     let d_bounded = -focal_z * vec2f(dot(d_t_x, view.w2c_z.xyz), dot(d_t_y, view.w2c_z.xyz));
     let ratio = o.ratio.hi.xy;
     let unbounded = ratio == o.ratio_bounded.hi.xy;
-    let d_ratio = select(vec2f(0.0), d_bounded, unbounded) + view.intrinsics.xy * d_mean2d;
+    let d_ratio = select(vec2f(0.0), d_bounded, unbounded) + view.focal * d_mean2d;
     let d_p = vec3f(
         d_ratio * inv_z,
         // dot(d_t_x, t_x) + dot(d_t_y, t_y) is the sum over the axes.
@@ -119,7 +117,7 @@ fn project_backward(thread: Thread) {
     );
     var d_mean = d_p.x * view.w2c_x.xyz + d_p.y * view.w2c_y.xyz + d_p.z * view.w2c_z.xyz;
 
-    let d_c = select(vec3f(0.0), vec3f(b.zw, c), color > vec3f(0.0));
+    let d_c = select(vec3f(0.0), d.color, s.color > vec3f(0.0));
     if (SH_DEGREE > 0u) {
         d_mean += color_to_mean(from_center(view, g.mean), id, d_c);
     }
@@ -137,20 +135,20 @@ fn project_backward(thread: Thread) {
         q.x * (r_0.y - r_1.x) + q.y * (r_0.z + r_2.x) + q.z * (r_1.z + r_2.y) - 2.0 * q.w * (r_0.x + r_1.y),
     );
     let d_rotation = (d_q - q * dot(q, d_q)) / norm;
-    // a.x = dL/dopacity opacity for the opacity drawn, sigmoid(logit) / (1 - p).
-    let d_opacity_logit = a.x * (1.0 - kept_share(view) * s2.w);
+    // d.v = dL/dopacity opacity for the opacity drawn, sigmoid(logit) / (1 - p).
+    let d_opacity_logit = d.v * (1.0 - kept_share(view) * s.opacity);
 
     var d_0 = vec4f(d_mean, d_opacity_logit);
     var d_1 = vec4f(d_scale_log, 0.0);
     var d_2 = d_rotation;
     if (is_first) {
-        let half_size = 0.5 * vec2f(view.size.xy);
+        let half_size = 0.5 * vec2f(view.size);
         let cov_xx = dot(o.m_x, o.m_x) + DILATION;
         let cov_yy = dot(o.m_y, o.m_y) + DILATION;
         let cov_xy = dot(o.m_x, o.m_y);
         let largest = 0.5 * (cov_xx + cov_yy + length(vec2f(cov_xx - cov_yy, 2.0 * cov_xy)));
         let radius = 3.0 * sqrt(largest) / f32(max(view.size.x, view.size.y));
-        screen[id] = vec2f(length(d_mean2d * half_size), radius);
+        screen[id] = OnScreen(length(d_mean2d * half_size), radius);
     } else {
         d_0 += d_geometry[id];
         d_1 += d_geometry[stride + id];

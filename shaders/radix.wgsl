@@ -4,11 +4,15 @@
 #import shared/thread
 #import shared/radix
 
+struct Entry {
+    key: u32,
+    value: u32,
+}
+
 @group(0) @binding(0) var<uniform> radix: Radix;
-// (key, value), two entries a vector: a software driver loads one vector as fast as half of it.
+// Two entries a vector, key and value of each: a software driver loads one as fast as half of it.
 @group(0) @binding(1) var<storage, read> entries_in: array<vec4u>;
-// (key, value).
-@group(0) @binding(2) var<storage, read_write> entries_out: array<vec2u>;
+@group(0) @binding(2) var<storage, read_write> entries_out: array<Entry>;
 // Entry digit * n_chunks + chunk.
 @group(0) @binding(3) var<storage, read_write> digit_counts: array<u32>;
 @group(0) @binding(4) var<storage, read> totals: array<u32>;
@@ -65,10 +69,10 @@ fn radix_move(thread: Thread) {
     for (var i = first; i < end; i += 2u) {
         let entries = entries_in[i / 2u];
         let digits = (entries.xz >> vec2u(radix.shift)) & vec2u(RADIX_DIGITS - 1u);
-        entries_out[digit_counts[digits.x * n_chunks + chunk] + counter(counters, digits.x)] = entries.xy;
+        entries_out[digit_counts[digits.x * n_chunks + chunk] + counter(counters, digits.x)] = Entry(entries.x, entries.y);
         counters += one(digits.x);
         if (i + 1u < end) {
-            entries_out[digit_counts[digits.y * n_chunks + chunk] + counter(counters, digits.y)] = entries.zw;
+            entries_out[digit_counts[digits.y * n_chunks + chunk] + counter(counters, digits.y)] = Entry(entries.z, entries.w);
             counters += one(digits.y);
         }
     }

@@ -4,20 +4,21 @@
 // the transmittance to TRANSMITTANCE_MIN or below is not blended and ends its pixel.
 #import shared/thread
 #import shared/view
+#import shared/splat
+#import shared/entries
 
 @group(0) @binding(0) var<uniform> view: View;
-@group(0) @binding(1) var<storage, read> splats: array<vec4f>;
-@group(0) @binding(2) var<storage, read> tile_ranges: array<vec2u>;
+@group(0) @binding(1) var<storage, read> splats: array<SplatVectors>;
+@group(0) @binding(2) var<storage, read> tile_ranges: array<Range>;
 @group(0) @binding(8) var<storage, read> tile_order: array<u32>;
-@group(0) @binding(3) var<storage, read> tile_pairs: array<vec2u>;
+@group(0) @binding(3) var<storage, read> tile_pairs: array<TilePair>;
 @group(0) @binding(7) var<storage, read> pair_gaussian: array<u32>;
 // Planes r, g, b, final transmittance.
 @group(0) @binding(4) var<storage, read_write> rendered: array<vec4f>;
 // Per pixel: one past the last blended splat, counted from its tile's first.
 @group(0) @binding(5) var<storage, read_write> last_blended: array<vec4u>;
 @group(0) @binding(6) var<storage, read> totals: array<u32>;
-// x: first entry of the dispatch's slice of every list.
-@group(0) @binding(9) var<uniform> slice: vec4u;
+@group(0) @binding(9) var<uniform> slice: Slice;
 
 #import shared/tile
 
@@ -31,18 +32,18 @@ fn rasterize(thread: Thread) {
 // `rendered`, colours without background and the transmittance with its sign, and in `last_blended`.
 @compute @workgroup_size(WORKGROUP)
 fn rasterize_slice(thread: Thread) {
-    composite(thread_index(thread), slice.x, true);
+    composite(thread_index(thread), slice.first, true);
 }
 
 // `sliced` is known where the function is compiled: without slices nothing of them is left.
 fn composite(thread: u32, slice_first: u32, sliced: bool) {
     // Beyond the last block this reads another's entry or, held to the bounds, the last.
     let tile = tile_order[thread];
-    if (tile >= view.size.z * view.size.w || totals[TOTAL_OVERFLOW] != 0u) {
+    if (tile >= view.tiles.x * view.tiles.y || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
-    let x4 = tile % view.size.z;
-    let y = (tile / view.size.z) * TILE_H;
+    let x4 = tile % view.tiles.x;
+    let y = (tile / view.tiles.x) * TILE_H;
     let px = vec4f(0.5, 1.5, 2.5, 3.5) + f32(4u * x4);
     let py = f32(y) + 0.5;
     #repeat r TILE_H
@@ -58,10 +59,10 @@ fn composite(thread: u32, slice_first: u32, sliced: bool) {
     #end
 
     let range = tile_ranges[tile];
-    var first = range.x;
-    var end = range.y;
+    var first = range.first;
+    var end = range.end;
     if (sliced) {
-        let length = range.y - range.x;
+        let length = range.end - range.first;
         if (slice_first > 0u && slice_first >= length) {
             return;
         }
@@ -81,28 +82,26 @@ fn composite(thread: u32, slice_first: u32, sliced: bool) {
     // bound: LIST_SLICE turns; a longer list is seen by order_tiles, and the step is taken again in
     // slices.
     for (var i = first; i < end; i++) {
-        let id = pair_gaussian[tile_pairs[i].y];
-        let s0 = splats[3u * id];
-        let s1 = splats[3u * id + 1u];
-        let color = splats[3u * id + 2u];
-        let t_x0 = s0.z + s1.x * (px - s0.x);
-        let number = vec4u(i - range.x + 1u);
+        let id = pair_gaussian[tile_pairs[i].pair];
+        let s = unpacked(splats[id]);
+        let t_x0 = s.t_0.x + s.l_xx * (px - s.anchor.x);
+        let number = vec4u(i - range.first + 1u);
         var most = vec4f(-1.0);
         #repeat r TILE_H
         {
-            let dy = py + {r}.0 - s0.y;
-            let t_y = s0.w + s1.z * dy;
-            let t_x = t_x0 + s1.y * dy;
-            let raw = color.w * exp2_negative(-(t_x * t_x + t_y * t_y));
+            let dy = py + {r}.0 - s.anchor.y;
+            let t_y = s.t_0.y + s.l_yy * dy;
+            let t_x = t_x0 + s.l_xy * dy;
+            let raw = s.opacity * exp2_negative(-(t_x * t_x + t_y * t_y));
             let drawn = raw >= vec4f(ALPHA_MIN);
             // 0 leaves everything below as it is, to the bit.
             let alpha = select(vec4f(0.0), min(vec4f(ALPHA_MAX), raw), drawn);
             let next = transmittance_{r} * (1.0 - alpha);
             let kept = next > vec4f(TRANSMITTANCE_MIN);
             let weight = select(vec4f(0.0), alpha * transmittance_{r}, kept);
-            red_{r} += color.x * weight;
-            green_{r} += color.y * weight;
-            blue_{r} += color.z * weight;
+            red_{r} += s.color.x * weight;
+            green_{r} += s.color.y * weight;
+            blue_{r} += s.color.z * weight;
             last_{r} = select(last_{r}, number, drawn & kept);
             transmittance_{r} = select(-abs(transmittance_{r}), next, kept);
             most = max(most, transmittance_{r});
@@ -115,9 +114,9 @@ fn composite(thread: u32, slice_first: u32, sliced: bool) {
 
     #repeat r TILE_H
     {
-        let goes_on = sliced && end < range.y;
+        let goes_on = sliced && end < range.end;
         let t = select(abs(transmittance_{r}), transmittance_{r}, goes_on);
-        let background = select(view.background, vec4f(0.0), goes_on);
+        let background = select(view.background, vec3f(0.0), goes_on);
         rendered[plane_index(view, 0u, x4, y + {r}u)] = red_{r} + background.x * t;
         rendered[plane_index(view, 1u, x4, y + {r}u)] = green_{r} + background.y * t;
         rendered[plane_index(view, 2u, x4, y + {r}u)] = blue_{r} + background.z * t;

@@ -1,31 +1,31 @@
 // Gradient of the compositing: one thread a tile, back to front, so that the transmittance before
 // a splat follows from that behind it by one division.
 //
-// With v = dL/dalpha alpha, the gradient of a splat's exponent summed over pixels, a pair gets
-// nine sums: v, v t_x, v t_y, v t_x^2, v t_x t_y, v t_y^2 and d_color. Moments of t (|t| < 3)
-// keep the gradient of position and covariance well conditioned for any elongation; the chain to
-// them follows once per Gaussian.
+// A pair gets nine sums (shared/pair_gradient). Moments of t (|t| < 3) keep the gradient of position
+// and covariance well conditioned for any elongation; the chain to them follows once per Gaussian.
 #import shared/thread
 #import shared/view
+#import shared/splat
+#import shared/entries
+#import shared/pair_gradient
 
 @group(0) @binding(0) var<uniform> view: View;
-@group(0) @binding(1) var<storage, read> splats: array<vec4f>;
-@group(0) @binding(2) var<storage, read> tile_ranges: array<vec2u>;
+@group(0) @binding(1) var<storage, read> splats: array<SplatVectors>;
+@group(0) @binding(2) var<storage, read> tile_ranges: array<Range>;
 @group(0) @binding(12) var<storage, read> tile_order: array<u32>;
-@group(0) @binding(3) var<storage, read> tile_pairs: array<vec2u>;
+@group(0) @binding(3) var<storage, read> tile_pairs: array<TilePair>;
 @group(0) @binding(11) var<storage, read> pair_gaussian: array<u32>;
 // Written where lists are sliced alone.
 @group(0) @binding(4) var<storage, read_write> rendered: array<vec4f>;
 @group(0) @binding(5) var<storage, read> last_blended: array<vec4u>;
 // Planes d_r, d_g, d_b, d_alpha: gradient of the loss with respect to the render.
 @group(0) @binding(6) var<storage, read> d_rendered: array<vec4f>;
-// Per pair: (v, v t_x, v t_y, v t_x^2), (v t_x t_y, v t_y^2, d_r, d_g), d_b.
+// Per pair: the parts of a PairGradient.
 @group(0) @binding(7) var<storage, read_write> d_pair_a: array<vec4f>;
 @group(0) @binding(8) var<storage, read_write> d_pair_b: array<vec4f>;
 @group(0) @binding(9) var<storage, read_write> d_pair_c: array<f32>;
 @group(0) @binding(10) var<storage, read> totals: array<u32>;
-// x: first entry of the dispatch's slice of every list.
-@group(0) @binding(13) var<uniform> slice: vec4u;
+@group(0) @binding(13) var<uniform> slice: Slice;
 
 #import shared/tile
 
@@ -43,18 +43,18 @@ fn rasterize_backward(thread: Thread) {
 // leaves its state in `rendered`: what is behind in plane 0, the transmittance in plane 3.
 @compute @workgroup_size(WORKGROUP)
 fn rasterize_backward_slice(thread: Thread) {
-    carry_back(thread_index(thread), slice.x, true);
+    carry_back(thread_index(thread), slice.first, true);
 }
 
 // `sliced` is known where the function is compiled: without slices nothing of them is left.
 fn carry_back(thread: u32, slice_first: u32, sliced: bool) {
     // Beyond the last block this reads another's entry or, held to the bounds, the last.
     let tile = tile_order[thread];
-    if (tile >= view.size.z * view.size.w || totals[TOTAL_OVERFLOW] != 0u) {
+    if (tile >= view.tiles.x * view.tiles.y || totals[TOTAL_OVERFLOW] != 0u) {
         return;
     }
-    let x4 = tile % view.size.z;
-    let y = (tile / view.size.z) * TILE_H;
+    let x4 = tile % view.tiles.x;
+    let y = (tile / view.tiles.x) * TILE_H;
     let px = vec4f(0.5, 1.5, 2.5, 3.5) + f32(4u * x4);
     let py = f32(y) + 0.5;
     #repeat r TILE_H
@@ -83,38 +83,36 @@ fn carry_back(thread: u32, slice_first: u32, sliced: bool) {
     #end
 
     let range = tile_ranges[tile];
-    var end = range.y;
+    var end = range.end;
     // Entries blended in front of the slice, and in the slice and in front of it.
     var n_before = 0u;
     if (sliced) {
-        let length = range.y - range.x;
+        let length = range.end - range.first;
         if (slice_first > 0u && slice_first >= length) {
             return;
         }
-        end = min(end, range.x + slice_first + LIST_SLICE);
+        end = min(end, range.first + slice_first + LIST_SLICE);
         n_before = slice_first;
-        n_blended = clamp(n_blended, n_before, end - range.x);
-        if (end < range.y) {
+        n_blended = clamp(n_blended, n_before, end - range.first);
+        if (end < range.end) {
             #repeat r TILE_H
             behind_{r} = rendered[plane_index(view, 0u, x4, y + {r}u)];
             #end
         }
     }
     // bound: LIST_SLICE turns, and as many again below.
-    for (var i = range.x + n_blended; i < end; i++) {
-        let pair = tile_pairs[i].y;
+    for (var i = range.first + n_blended; i < end; i++) {
+        let pair = tile_pairs[i].pair;
         d_pair_a[pair] = vec4f(0.0);
         d_pair_b[pair] = vec4f(0.0);
         d_pair_c[pair] = 0.0;
     }
     // bound: LIST_SLICE turns.
     for (var number = n_blended; number > n_before; number--) {
-        let pair = tile_pairs[range.x + number - 1u].y;
+        let pair = tile_pairs[range.first + number - 1u].pair;
         let id = pair_gaussian[pair];
-        let s0 = splats[3u * id];
-        let s1 = splats[3u * id + 1u];
-        let color = splats[3u * id + 2u];
-        let t_x0 = s0.z + s1.x * (px - s0.x);
+        let s = unpacked(splats[id]);
+        let t_x0 = s.t_0.x + s.l_xx * (px - s.anchor.x);
         var sum_v = 0.0;
         var sum_x = 0.0;
         var sum_y = 0.0;
@@ -126,17 +124,17 @@ fn carry_back(thread: u32, slice_first: u32, sliced: bool) {
         var sum_b = vec4f(0.0);
         #repeat r TILE_H
         {
-            let dy = py + {r}.0 - s0.y;
-            let t_y = s0.w + s1.z * dy;
-            let t_x = t_x0 + s1.y * dy;
-            let raw = color.w * exp2_negative(-(t_x * t_x + t_y * t_y));
+            let dy = py + {r}.0 - s.anchor.y;
+            let t_y = s.t_0.y + s.l_yy * dy;
+            let t_x = t_x0 + s.l_xy * dy;
+            let raw = s.opacity * exp2_negative(-(t_x * t_x + t_y * t_y));
             let blended = (raw >= vec4f(ALPHA_MIN)) & (vec4u(number) <= last_{r});
             // 0 leaves the transmittance and what is behind as they are, to the bit.
             let alpha = select(vec4f(0.0), min(vec4f(ALPHA_MAX), raw), blended);
             let inverse = 1.0 / (1.0 - alpha);
             let before = transmittance_{r} * inverse;
             let weight = alpha * before;
-            let shade = d_red_{r} * color.x + d_green_{r} * color.y + d_blue_{r} * color.z;
+            let shade = d_red_{r} * s.color.x + d_green_{r} * s.color.y + d_blue_{r} * s.color.z;
             let d_alpha = before * shade - behind_{r} * inverse;
             let v = select(vec4f(0.0), d_alpha * alpha, raw < vec4f(ALPHA_MAX));
             transmittance_{r} = before;
@@ -159,7 +157,7 @@ fn carry_back(thread: u32, slice_first: u32, sliced: bool) {
         d_pair_b[pair] = vec4f(sum_xy, sum_yy, sum4(sum_r), sum4(sum_g));
         d_pair_c[pair] = sum4(sum_b);
     }
-    if (sliced && n_before > 0u && end > range.x) {
+    if (sliced && n_before > 0u && end > range.first) {
         #repeat r TILE_H
         rendered[plane_index(view, 0u, x4, y + {r}u)] = behind_{r};
         rendered[plane_index(view, 3u, x4, y + {r}u)] = transmittance_{r};

@@ -22,8 +22,13 @@ const MOMENTS = 2u;
 @group(0) @binding(2) var<storage, read_write> new_planes: array<vec4f>;
 // Index of the source; the top bit marks a Gaussian that is new and starts without moments.
 @group(0) @binding(3) var<storage, read> sources: array<u32>;
-// xyz: added to the mean, w: added to the log scales.
-@group(0) @binding(4) var<storage, read> changes: array<vec4f>;
+@group(0) @binding(4) var<storage, read> changes: array<Change>;
+
+// What is added to a Gaussian's mean, and to each of its log scales.
+struct Change {
+    mean: vec3f,
+    scale_log: f32,
+}
 
 @compute @workgroup_size(WORKGROUP)
 fn rearrange_planes(thread: Thread) {
@@ -37,10 +42,10 @@ fn rearrange_planes(thread: Thread) {
     for (var plane = 0u; plane < rearrange.n_planes; plane++) {
         var value = old_planes[plane * rearrange.old_stride + source];
         if (rearrange.kind == GEOMETRY && plane == 0u) {
-            value += vec4f(changes[id].xyz, 0.0);
+            value += vec4f(changes[id].mean, 0.0);
         }
         if (rearrange.kind == GEOMETRY && plane == 1u) {
-            value += vec4f(vec3f(changes[id].w), 0.0);
+            value += vec4f(vec3f(changes[id].scale_log), 0.0);
         }
         if (rearrange.kind == MOMENTS && is_new) {
             value = vec4f(0.0);

@@ -92,7 +92,7 @@ fn convolve_wide(w: Wide) -> Quad {
 // Keeps the part of `sums` that lies in the padded image.
 fn keep_moments(plane: u32, at: Place, sums: Quad) {
     #repeat j 4
-    if (at.x4 + {j}u < view.planes.y) {
+    if (at.x4 + {j}u < view.row_vectors) {
         moments[plane_index(view, plane, at.x4 + {j}u, at.y)] = sums.v{j};
     }
     #end
@@ -100,7 +100,7 @@ fn keep_moments(plane: u32, at: Place, sums: Quad) {
 
 // Four texels of the goal; beside the padded image its rim, where weights are 0.
 fn texels(x4: i32, y: u32) -> vec4u {
-    return goal[y * view.planes.y + u32(clamp(x4, 0, i32(view.planes.y) - 1))];
+    return goal[y * view.row_vectors + u32(clamp(x4, 0, i32(view.row_vectors) - 1))];
 }
 
 fn channel_of(texels: vec4u, channel: u32) -> vec4f {
@@ -126,7 +126,7 @@ fn mean_of(e: vec4f, counts: vec4<bool>) -> f32 {
 // Mean residual of four pixels.
 fn residual_of(texels: vec4u, x4: i32, y: u32, channel: u32) -> f32 {
     let counts = weights(texels, x4) > vec4f(0.0);
-    let e = rendered[plane_index(view, channel, u32(clamp(x4, 0, i32(view.planes.y) - 1)), y)] - channel_of(texels, channel);
+    let e = rendered[plane_index(view, channel, u32(clamp(x4, 0, i32(view.row_vectors) - 1)), y)] - channel_of(texels, channel);
     return mean_of(e, counts);
 }
 
@@ -140,8 +140,8 @@ struct Place {
 // One thread `across` vectors of four pixels of `rows` rows (and a channel).
 fn place(index: u32, across: u32, rows: u32, channels: u32) -> Place {
     // All rows of the padded image, so that its padding carries no gradient.
-    let n_rows = view.planes.x / (view.planes.y * rows);
-    let n_columns = (view.planes.y + across - 1u) / across;
+    let n_rows = view.plane_vectors / (view.row_vectors * rows);
+    let n_columns = (view.row_vectors + across - 1u) / across;
     let per_channel = n_columns * n_rows;
     let channel = index / per_channel;
     let rest = index % per_channel;
@@ -207,7 +207,7 @@ fn ssim_horizontal(thread: Thread) {
     }
     for (var channel = 0u; channel < 3u; channel++) {
         #repeat b 8
-        let x4_{b} = u32(clamp(i32(at.x4) + {b} - 2, 0, i32(view.planes.y) - 1));
+        let x4_{b} = u32(clamp(i32(at.x4) + {b} - 2, 0, i32(view.row_vectors) - 1));
         let counts_{b} = weight_{b} > vec4f(0.0);
         let goal_{b} = channel_of(raw_{b}, channel);
         let y_{b} = select(vec4f(0.0), goal_{b}, counts_{b});
@@ -395,7 +395,7 @@ fn ssim_horizontal_backward(thread: Thread) {
         var d_y: Wide;
         #repeat b 8
         let x4_{b} = i32(at.x4) + {b} - 2;
-        if (x4_{b} >= 0 && x4_{b} < i32(view.planes.y)) {
+        if (x4_{b} >= 0 && x4_{b} < i32(view.row_vectors)) {
             own.v{b} = derivatives[plane_index(view, 3u * channel, u32(x4_{b}), at.y)];
             d_e.v{b} = derivatives[plane_index(view, 3u * channel + 1u, u32(x4_{b}), at.y)];
             d_y.v{b} = derivatives[plane_index(view, 3u * channel + 2u, u32(x4_{b}), at.y)];

@@ -2,11 +2,12 @@
 // Tiles without pairs keep the empty range that the buffer was cleared to.
 #import shared/thread
 #import shared/view
+#import shared/entries
 
 @group(0) @binding(0) var<storage, read_write> totals: array<atomic<u32>>;
-// (tile, pair), sorted by tile, front to back within one.
-@group(0) @binding(1) var<storage, read> tile_pairs: array<vec2u>;
-@group(0) @binding(2) var<storage, read_write> tile_ranges: array<vec2u>;
+// Sorted by tile, front to back within one.
+@group(0) @binding(1) var<storage, read> tile_pairs: array<TilePair>;
+@group(0) @binding(2) var<storage, read_write> tile_ranges: array<Range>;
 @group(0) @binding(3) var<uniform> view: View;
 // Per thread of the rasterizers its tile, one past the last where it has none.
 @group(0) @binding(4) var<storage, read_write> tile_order: array<u32>;
@@ -23,21 +24,21 @@ fn find_tile_ranges(thread: Thread) {
     let last = min(first + RANGE_CHUNK, n);
     var before = NO_TILE;
     if (first > 0u) {
-        before = tile_pairs[first - 1u].x;
+        before = tile_pairs[first - 1u].tile;
     }
     // bound: RANGE_CHUNK turns.
     for (var i = first; i < last; i++) {
-        let tile = tile_pairs[i].x;
+        let tile = tile_pairs[i].tile;
         if (tile != before) {
-            tile_ranges[tile].x = i;
+            tile_ranges[tile].first = i;
             if (before != NO_TILE) {
-                tile_ranges[before].y = i;
+                tile_ranges[before].end = i;
             }
         }
         before = tile;
     }
     if (last == n) {
-        tile_ranges[before].y = n;
+        tile_ranges[before].end = n;
     }
 }
 
@@ -51,18 +52,18 @@ var<workgroup> lengths: array<u32, WORKGROUP>;
 @compute @workgroup_size(WORKGROUP)
 fn order_tiles(thread: Thread) {
     let block = workgroup_index(thread);
-    let n_across = (view.size.z + BLOCK_W - 1u) / BLOCK_W;
-    let n_down = (view.size.w + BLOCK_H - 1u) / BLOCK_H;
+    let n_across = (view.tiles.x + BLOCK_W - 1u) / BLOCK_W;
+    let n_down = (view.tiles.y + BLOCK_H - 1u) / BLOCK_H;
     let x = (block % n_across) * BLOCK_W + thread.local % BLOCK_W;
     let y = (block / n_across) * BLOCK_H + thread.local / BLOCK_W;
-    let inside = x < view.size.z && y < view.size.w;
-    let tile = select(view.size.z * view.size.w, y * view.size.z + x, inside);
+    let inside = x < view.tiles.x && y < view.tiles.y;
+    let tile = select(view.tiles.x * view.tiles.y, y * view.tiles.x + x, inside);
     // One more than the length, 0 outside.
     var length = 0u;
     if (inside) {
         let range = tile_ranges[tile];
         // What ends before it begins, as a driver's fault may have it, is empty to the rasterizers.
-        length = 1u + max(range.x, range.y) - range.x;
+        length = 1u + max(range.first, range.end) - range.first;
     }
     lengths[thread.local] = length;
     workgroupBarrier();
@@ -76,7 +77,7 @@ fn order_tiles(thread: Thread) {
         tile_order[block * WORKGROUP + rank] = tile;
     }
     // The longest of the block; after an overflow all lists are empty.
-    if (rank == 0u && length > view.planes.w + 1u) {
+    if (rank == 0u && length > view.longest_list + 1u) {
         atomicMax(&totals[TOTAL_LONGEST], length - 1u);
         // All that are too long are of one step.
         atomicStore(&totals[TOTAL_OVERFLOW], atomicLoad(&totals[TOTAL_STEP]));

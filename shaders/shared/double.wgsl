@@ -1,5 +1,6 @@
 // Arithmetic of twice the digits of f32, on three numbers at once: a number is hi + lo, with lo at
 // most half a unit in the last place of hi (Dekker 1971; sums after Knuth). Needs `view`.
+#import shared/view
 struct Double {
     hi: vec3f,
     lo: vec3f,
@@ -7,7 +8,7 @@ struct Double {
 
 // `x`, of which the compiler knows nothing: one that reorders sums would find every error to be 0.
 fn opaque(x: vec3f) -> vec3f {
-    return bitcast<vec3f>(bitcast<vec3u>(x) ^ vec3u(bitcast<u32>(view.center_low.w)));
+    return bitcast<vec3f>(bitcast<vec3u>(x) ^ vec3u(bitcast<u32>(view.zero)));
 }
 
 fn double(x: vec3f) -> Double {

@@ -14,15 +14,15 @@ fn pcg(v: u32) -> u32 {
 
 // `density`: the Gaussian's score.
 fn is_dropped(view: View, id: u32, mean: vec3f, density: f32) -> bool {
-    let d = distance(mean, view.center_near.xyz);
-    let layer = select(select(0.3, 0.7, d <= view.drop_layers.y), 1.0, d <= view.drop_layers.x);
-    let share = layer * (view.drop_share.x + view.drop_share.y * d + view.drop_share.z * density);
+    let d = distance(mean, view.center);
+    let layer = select(select(0.3, 0.7, d <= view.middle_layer), 1.0, d <= view.near_layer);
+    let share = layer * (view.share_base + view.share_per_distance * d + view.share_per_density * density);
     // Exact without a guide.
-    let threshold = select(u32(f32(view.counts.z) * saturate(share)), view.counts.z, view.drop_share.w == 1.0);
-    return pcg(pcg(id) ^ view.counts.w) < threshold;
+    let threshold = select(u32(f32(view.drop_threshold) * saturate(share)), view.drop_threshold, view.compensates == 1.0);
+    return pcg(pcg(id) ^ view.drop_key) < threshold;
 }
 
 // 1 - p; exactly 1 without dropout.
 fn kept_share(view: View) -> f32 {
-    return 1.0 - view.drop_share.w * f32(view.counts.z) / 4294967296.0;
+    return 1.0 - view.compensates * f32(view.drop_threshold) / 4294967296.0;
 }

@@ -1,10 +1,24 @@
-// A Gaussian's geometry: three vec4f planes of `stride` entries each:
-//   0: mean.xyz, opacity_logit   1: scale_log.xyz, 0   2: rotation_wxyz (not normalised)
+#import shared/view
+#import shared/double
+
+// A Gaussian's geometry. `geometry` holds it in three planes of `stride` vectors each.
 struct Gaussian {
+    // Plane 0.
     mean: vec3f,
     opacity_logit: f32,
+    // Plane 1. The density guides dropout alone.
     scale_log: vec3f,
+    density: f32,
+    // Plane 2; not normalised.
     rotation_wxyz: vec4f,
+}
+
+// Gaussian `id`; needs `view` and `geometry`.
+fn gaussian(id: u32) -> Gaussian {
+    let plane_0 = geometry[id];
+    let plane_1 = geometry[view.stride + id];
+    let plane_2 = geometry[2u * view.stride + id];
+    return Gaussian(plane_0.xyz, plane_0.w, plane_1.xyz, plane_1.w, plane_2);
 }
 
 fn is_finite(x: f32) -> bool {
@@ -67,12 +81,12 @@ fn project_gaussian(view: View, g: Gaussian) -> Projection {
     var o: Projection;
     o.p = to_camera(view, g.mean);
     o.ratio = quotient(o.p, third(o.p));
-    let least = vec3f(view.ratio_bounds.xz, 0.0);
-    let most = vec3f(view.ratio_bounds.yw, 2.0);
-    let low = select(o.ratio.lo, vec3f(view.ratio_bounds_low.xz, 0.0), o.ratio.hi < least);
+    let least = vec3f(view.ratio_min, 0.0);
+    let most = vec3f(view.ratio_max, 2.0);
+    let low = select(o.ratio.lo, vec3f(view.ratio_min_low, 0.0), o.ratio.hi < least);
     o.ratio_bounded.hi = clamp(o.ratio.hi, least, most);
-    o.ratio_bounded.lo = select(low, vec3f(view.ratio_bounds_low.yw, 0.0), o.ratio.hi > most);
-    let focal_z = view.intrinsics.xy / o.p.hi.z;
+    o.ratio_bounded.lo = select(low, vec3f(view.ratio_max_low, 0.0), o.ratio.hi > most);
+    let focal_z = view.focal / o.p.hi.z;
     o.t_x = focal_z.x * (view.w2c_x.xyz - o.ratio_bounded.hi.x * view.w2c_z.xyz);
     o.t_y = focal_z.y * (view.w2c_y.xyz - o.ratio_bounded.hi.y * view.w2c_z.xyz);
     o.rotation = rotation_matrix(g.rotation_wxyz / length(g.rotation_wxyz));

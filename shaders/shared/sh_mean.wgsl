@@ -1,7 +1,7 @@
 // dL/dmean of a Gaussian through the direction in which its colour is seen, from dL/dcolour: needs
 // `view`, `sh_0`, `sh_2` and `sh_3`. The offset from the camera's centre must not be 0.
 fn color_to_mean(offset: vec3f, id: u32, d_c: vec3f) -> vec3f {
-    let stride = view.counts.y;
+    let stride = view.stride;
     let distance = length(offset);
     let direction = offset / distance;
     let a = sh_dots(sh_0[id], sh_0[stride + id], sh_0[2u * stride + id], d_c);

@@ -1,3 +1,12 @@
+// The slice of every list that a dispatch takes.
+struct Slice {
+    // Its first entry.
+    first: u32,
+    pad_0: u32,
+    pad_1: u32,
+    pad_2: u32,
+}
+
 // What the forward and backward rasterizer share. One thread owns a tile of 4 x TILE_H pixels and
 // keeps its rows as vec4f, each in variables of its own (an array of them would live in memory): no thread ever needs another's result, so there is no barrier, no
 // workgroup memory and no reduction across threads, and the order of every sum is fixed.

@@ -202,7 +202,7 @@ pub fn examine(ctx: &Context, stored: u32, n_views: usize, frozen_beyond: f32) -
         let step =
             StepUniform::new(&config, iteration, EXTENT, &CENTERS[..n_views]).within(frozen_beyond);
         let mut commands = Commands::new(gpu);
-        optimizer.step(gpu, &ctx.optimizer, &groups, &mut commands, (step, degree));
+        optimizer.step(gpu, &ctx.optimizer, &groups, &mut commands, step, degree);
         commands.submit();
         let gradients = drawn.gradients(&twin.values[0], n_views, degree, n_sh);
         let before = twin.values.clone();

@@ -12,7 +12,7 @@ use crate::doctor::twin::tolerance;
 use crate::error::Result;
 use crate::gpu::Commands;
 use crate::gpu::constants::{BLOCK_H, BLOCK_W, RIM, TILE_H, TILE_W, TOTAL_PAIRS};
-use crate::render::Pass;
+use crate::render::{Pass, Splat};
 
 /// A projected Gaussian as the GPU stores it: `u, v, A, B, C, r, g, b, opacity`.
 type Row = [f64; 9];
@@ -101,16 +101,16 @@ pub fn examine(
 /// `None` where a Gaussian is not drawn. The conic is stored as its Cholesky factor L scaled by
 /// `sqrt(log2(e) / 2)`, the mean as L (anchor - mean).
 fn read_splats(ctx: &Context, rig: &Rig) -> Result<Vec<Option<Row>>> {
-    let splats: Vec<[[f32; 4]; 3]> = rig.read(ctx, "splats", rig.model.n)?;
+    let splats: Vec<Splat> = rig.read(ctx, "splats", rig.model.n)?;
     let two_ln_2 = 2.0 * std::f64::consts::LN_2;
-    let row = |splat: [[f32; 4]; 3]| {
-        let [
-            [x, y, t_x, t_y],
-            [l_xx, l_xy, l_yy, reach],
-            [r, g, b, opacity],
-        ] = splat.map(|part| part.map(f64::from));
+    let row = |splat: Splat| {
+        let [x, y] = splat.anchor.map(f64::from);
+        let [t_x, t_y] = splat.t_0.map(f64::from);
+        let [l_xx, l_xy, l_yy] = [splat.l_xx, splat.l_xy, splat.l_yy].map(f64::from);
+        let [r, g, b] = splat.color.map(f64::from);
+        let opacity = f64::from(splat.opacity);
         let from_mean = t_y / l_yy;
-        (reach > 0.0).then_some([
+        (splat.reach > 0.0).then_some([
             x - (t_x - l_xy * from_mean) / l_xx,
             y - from_mean,
             two_ln_2 * l_xx * l_xx,

@@ -203,7 +203,7 @@ pub fn time_rest(ctx: &Context) -> Result<Vec<Timing>> {
         }
         let step = StepUniform::new(&config, 0, 1.0, &adam::CENTERS);
         let seconds = watch.run(|commands| {
-            optimizer.step(gpu, &ctx.optimizer, &groups, commands, (step, 3));
+            optimizer.step(gpu, &ctx.optimizer, &groups, commands, step, 3);
         })?;
         watch.keep(stage::ADAM, seconds);
     }

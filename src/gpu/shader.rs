@@ -13,6 +13,10 @@ macro_rules! sources {
 const SHARED: &[(&str, &str)] = sources![
     "shared/thread",
     "shared/view",
+    "shared/splat",
+    "shared/entries",
+    "shared/pair_gradient",
+    "shared/on_screen",
     "shared/double",
     "shared/gaussian",
     "shared/dropout",

@@ -31,7 +31,7 @@ impl Capacity {
             stride,
             pairs,
             tiles: largest(ViewUniform::n_tiles),
-            tile_rows: largest(|view| view.size[3] as usize),
+            tile_rows: largest(|view| view.tiles[1] as usize),
             slices: 1,
             tile_slots: largest(ViewUniform::n_tile_slots),
             plane: largest(ViewUniform::plane_len),

@@ -2,7 +2,9 @@
 
 use super::capacity::Capacity;
 use super::model::{BLOCK_PLANES, n_blocks};
-use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
+use super::uniforms::{
+    BinUniform, LossUniform, RadixUniform, ScanUniform, SliceUniform, Splat, ViewUniform,
+};
 use super::workspace::{
     N_DEPTH_PASSES, n_digits, n_pair_passes, n_partials, n_scan_blocks, n_slices,
 };
@@ -67,7 +69,9 @@ impl WorkspaceBytes {
         } = capacity;
         let partials = n_partials(plane);
         WorkspaceBytes {
-            splats: vectors(3 * stride) + two_words(stride) + words(stride.next_multiple_of(4)),
+            splats: Buffer::storage_bytes::<Splat>(stride)
+                + two_words(stride)
+                + words(stride.next_multiple_of(4)),
             pairs: vectors(pairs.div_ceil(2)) + words(pairs),
             sorts: 2 * vectors(stride.div_ceil(2))
                 + vectors(pairs.div_ceil(2))
@@ -109,7 +113,7 @@ fn uniform_bytes(capacity: Capacity) -> u64 {
         + 3 * size_of::<ScanUniform>()
         + N_DEPTH_PASSES as usize * radix;
     let passes = n_pair_passes(capacity.tiles) as usize * radix;
-    let modes = (2 + n_slices(capacity)) * size_of::<[u32; 4]>();
+    let modes = 2 * size_of::<BinUniform>() + n_slices(capacity) * size_of::<SliceUniform>();
     (2 * slot + passes + modes) as u64 + words(N_TOTALS as usize)
 }
 

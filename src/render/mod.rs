@@ -25,5 +25,7 @@ pub use pose::{PoseGradient, PoseKernels};
 pub use renderer::{Rendered, Renderer, read_rendered};
 pub use room::{Totals, read_totals};
 pub(crate) use uniforms::parts;
-pub use uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
+pub use uniforms::{
+    BinUniform, DropShare, LossUniform, RadixUniform, ScanUniform, SliceUniform, Splat, ViewUniform,
+};
 pub use workspace::Workspace;

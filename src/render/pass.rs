@@ -36,10 +36,10 @@ impl<'a> Pass<'a> {
     ) -> Pass<'a> {
         let capacity = workspace.capacity;
         let (n, pairs) = (shader_count(model.n), shader_count(capacity.pairs));
-        view.counts[0] = n;
-        view.counts[1] = shader_count(model.stride);
-        view.planes[2] = slot as u32;
-        view.planes[3] = shader_count(capacity.longest_list());
+        view.n_gaussians = n;
+        view.stride = shader_count(model.stride);
+        view.slot = slot as u32;
+        view.longest_list = shader_count(capacity.longest_list());
         let uniforms = &workspace.slots[slot];
         uniforms.view.write(gpu, &[view]);
         let scan = |n, total, capacity| ScanUniform {
@@ -158,7 +158,7 @@ impl<'a> Pass<'a> {
 
     /// Gaussians.
     fn n(&self) -> u64 {
-        u64::from(self.view.counts[0])
+        u64::from(self.view.n_gaussians)
     }
 
     /// Pairs that there is room for.

@@ -2,7 +2,9 @@
 
 use super::capacity::{Capacity, check_loops};
 use super::model::Model;
-use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
+use super::uniforms::{
+    BinUniform, LossUniform, RadixUniform, ScanUniform, SliceUniform, Splat, ViewUniform,
+};
 use crate::error::Result;
 use crate::gpu::constants::{
     DEPTH_BITS, LIST_SLICE, N_TOTALS, RADIX_BITS, RADIX_CHUNK, RADIX_DIGITS, SCAN_CHUNK, SSIM_ROWS,
@@ -106,13 +108,28 @@ impl Workspace {
             slices: (0..n_slices(capacity))
                 .map(|i| {
                     let first = shader_count(i) * LIST_SLICE;
-                    Buffer::uniform_from(gpu, "slice", &[first, 0, 0, 0])
+                    let slice = SliceUniform { first, pad: [0; 3] };
+                    Buffer::uniform_from(gpu, "slice", &slice)
                 })
                 .collect(),
-            count: Buffer::uniform_from(gpu, "count", &[0_u32; 4]),
-            emit: Buffer::uniform_from(gpu, "emit", &[1_u32, 0, 0, 0]),
+            count: Buffer::uniform_from(
+                gpu,
+                "count",
+                &BinUniform {
+                    emits: 0,
+                    pad: [0; 3],
+                },
+            ),
+            emit: Buffer::uniform_from(
+                gpu,
+                "emit",
+                &BinUniform {
+                    emits: 1,
+                    pad: [0; 3],
+                },
+            ),
             totals: Buffer::storage::<u32>(gpu, "totals", N_TOTALS as usize)?,
-            splats: Buffer::storage::<[f32; 4]>(gpu, "splats", 3 * stride)?,
+            splats: Buffer::storage::<Splat>(gpu, "splats", stride)?,
             gaussian_pairs: Buffer::storage::<[u32; 2]>(gpu, "gaussian_pairs", stride)?,
             splat_pairs: Buffer::storage::<u32>(gpu, "splat_pairs", stride.next_multiple_of(4))?,
             block_sums: Buffer::storage::<u32>(gpu, "block_sums", n_scan_blocks(capacity))?,

@@ -5,6 +5,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::guide::{Guide, INTERVAL, density_scores};
+use super::schedule::Dropout;
 use super::trainer::Trainer;
 use crate::error::Result;
 use crate::render::ViewUniform;
@@ -30,21 +31,16 @@ impl Trainer<'_> {
         self.optimizer.model.set_densities(self.gpu, &scores)?;
         let views = self.real.par_iter().chain(&self.virtual_views);
         let guide = |view: &ViewUniform| {
-            let [x, y, z, _] = view.center_near.map(f64::from);
-            Guide::of(DVec3::new(x, y, z), &scene)
+            let center = DVec3::from_array(view.center.map(f64::from));
+            Guide::of(center, &scene)
         };
         self.guides = views.filter_map(guide).collect();
         Ok(())
     }
 
     /// View `k` of all, the real ones first, with the dropout of an iteration.
-    pub(super) fn dropped_out(
-        &self,
-        view: ViewUniform,
-        k: usize,
-        (rate, key): (f64, u32),
-    ) -> ViewUniform {
-        let view = view.with_dropout(rate, key);
+    pub(super) fn dropped_out(&self, view: ViewUniform, k: usize, dropout: Dropout) -> ViewUniform {
+        let view = view.with_dropout(dropout.rate, dropout.key);
         match self.guides.get(k) {
             Some(guide) => {
                 let config = &self.config.dropout;

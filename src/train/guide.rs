@@ -17,7 +17,7 @@ use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::gaussians::mean_over_nearest;
-use crate::render::ViewUniform;
+use crate::render::{DropShare, ViewUniform};
 
 /// Iterations between two looks at the Gaussians.
 pub(super) const INTERVAL: u32 = 500;
@@ -57,8 +57,14 @@ impl Guide {
     /// The camera's view under this guide, with the weights of depth and density.
     pub fn applied(&self, [depth, density]: [f64; 2], view: ViewUniform) -> ViewUniform {
         let per_distance = depth / (self.farthest - self.nearest).max(MIN_SPAN);
-        let share = [depth + per_distance * self.nearest, -per_distance, density];
-        view.with_guided_dropout(share, self.tertiles)
+        let [near_layer, middle_layer] = self.tertiles;
+        view.with_guided_dropout(DropShare {
+            base: depth + per_distance * self.nearest,
+            per_distance: -per_distance,
+            per_density: density,
+            near_layer,
+            middle_layer,
+        })
     }
 }
 

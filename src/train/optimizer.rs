@@ -45,13 +45,34 @@ impl OptimizerKernels {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct StepUniform {
-    pub centers: [[f32; 4]; 2],
-    pub centers_low: [[f32; 4]; 2],
-    pub rates: [[f32; 4]; 4],
-    pub betas: [f32; 4],
-    pub corrections: [f32; 4],
-    pub limits: [f32; 4],
-    pub counts: [u32; 4],
+    pub views: [StepView; 2],
+    pub geometry_rates: [[f32; 4]; 3],
+    pub sh_0_rate: f32,
+    pub sh_rate: f32,
+    pub pad_0: [f32; 2],
+    pub beta_1: f32,
+    pub beta_2: f32,
+    pub new_share_1: f32,
+    pub new_share_2: f32,
+    pub correction_1: f32,
+    pub correction_2: f32,
+    pub epsilon: f32,
+    pub pad_1: f32,
+    pub frozen_beyond: f32,
+    pub pad_2: [f32; 3],
+    pub n_gaussians: u32,
+    pub stride: u32,
+    pub pad_3: [u32; 2],
+}
+
+/// One view of a step; `StepView` in `adam.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct StepView {
+    pub center: [f32; 3],
+    pub weight: f32,
+    pub center_low: [f32; 3],
+    pub pad: f32,
 }
 
 impl StepUniform {
@@ -61,35 +82,45 @@ impl StepUniform {
         let mean = schedule::mean_rate(o, iteration, config.iterations, extent) as f32;
         let (scale, rotation) = (o.scale_lr as f32, o.rotation_lr as f32);
         let t = f64::from(iteration) + 1.0;
-        let mut step = StepUniform {
-            centers: [[0.0; 4]; 2],
-            centers_low: [[0.0; 4]; 2],
-            rates: [
+        let view = |center: Option<&[f64; 3]>| {
+            let (high, low) = parts(center.copied().unwrap_or_default());
+            StepView {
+                center: high,
+                weight: if center.is_some() { 1.0 } else { 0.0 },
+                center_low: low,
+                pad: 0.0,
+            }
+        };
+        StepUniform {
+            views: [view(centers.first()), view(centers.get(1))],
+            geometry_rates: [
                 [mean, mean, mean, o.opacity_lr as f32],
                 [scale, scale, scale, 0.0],
                 [rotation; 4],
-                [o.sh_lr as f32, (o.sh_lr / 20.0) as f32, 0.0, 0.0],
             ],
-            betas: [o.beta1, o.beta2, 1.0 - o.beta1, 1.0 - o.beta2].map(|b| b as f32),
-            corrections: [
-                (1.0 / (1.0 - o.beta1.powf(t))) as f32,
-                (1.0 / (1.0 - o.beta2.powf(t)).sqrt()) as f32,
-                o.epsilon as f32,
-                0.0,
-            ],
-            limits: [f32::INFINITY, 0.0, 0.0, 0.0],
-            counts: [0; 4],
-        };
-        for (slot, &[x, y, z]) in centers.iter().enumerate() {
-            (step.centers[slot], step.centers_low[slot]) = parts([x, y, z, 1.0]);
+            sh_0_rate: o.sh_lr as f32,
+            sh_rate: (o.sh_lr / 20.0) as f32,
+            pad_0: [0.0; 2],
+            beta_1: o.beta1 as f32,
+            beta_2: o.beta2 as f32,
+            new_share_1: (1.0 - o.beta1) as f32,
+            new_share_2: (1.0 - o.beta2) as f32,
+            correction_1: (1.0 / (1.0 - o.beta1.powf(t))) as f32,
+            correction_2: (1.0 / (1.0 - o.beta2.powf(t)).sqrt()) as f32,
+            epsilon: o.epsilon as f32,
+            pad_1: 0.0,
+            frozen_beyond: f32::INFINITY,
+            pad_2: [0.0; 3],
+            n_gaussians: 0,
+            stride: 0,
+            pad_3: [0; 2],
         }
-        step
     }
 
     /// The same step for Gaussians up to this distance from the focus; those beyond learn colour
     /// alone.
     pub fn within(mut self, frozen_beyond: f32) -> StepUniform {
-        self.limits[0] = frozen_beyond;
+        self.frozen_beyond = frozen_beyond;
         self
     }
 }
@@ -104,6 +135,18 @@ pub struct RearrangeUniform {
     pub n_planes: u32,
     pub kind: u32,
     pub pad: [u32; 3],
+}
+
+/// An opacity reset; `Reset` in `reset_opacity.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct ResetUniform {
+    /// Largest logit that stays.
+    pub ceiling: f32,
+    /// Distance from the focus beyond which all stay.
+    pub frozen_beyond: f32,
+    pub n_gaussians: u32,
+    pub pad: u32,
 }
 
 const KIND_GEOMETRY: u32 = 0;
@@ -212,14 +255,11 @@ impl Optimizer {
         kernels: &OptimizerKernels,
         groups: &[Vec<wgpu::BindGroup>],
         commands: &mut Commands<'_>,
-        (mut step, sh_degree): (StepUniform, u32),
+        mut step: StepUniform,
+        sh_degree: u32,
     ) {
-        step.counts = [
-            shader_count(self.model.n),
-            shader_count(self.model.stride),
-            0,
-            0,
-        ];
+        step.n_gaussians = shader_count(self.model.n);
+        step.stride = shader_count(self.model.stride);
         self.step.write(gpu, &[step]);
         let n = self.model.n as u64;
         let degree = sh_degree as usize;
@@ -237,13 +277,17 @@ impl Optimizer {
         frozen_beyond: f32,
     ) {
         let logit = (opacity / (1.0 - opacity)).ln() as f32;
-        let ceiling = Buffer::uniform_from(gpu, "ceiling", &[logit, frozen_beyond, 0.0, 0.0]);
-        let counts = Buffer::uniform_from(gpu, "counts", &[shader_count(self.model.n), 0, 0, 0]);
+        let reset = ResetUniform {
+            ceiling: logit,
+            frozen_beyond,
+            n_gaussians: shader_count(self.model.n),
+            pad: 0,
+        };
+        let reset = Buffer::uniform_from(gpu, "reset", &reset);
         let group = kernels.reset_opacity.bind(
             gpu,
             &[
-                ("ceiling", &ceiling),
-                ("counts", &counts),
+                ("reset", &reset),
                 ("geometry", &self.model.blocks[0]),
                 ("first_moment", &self.first_moment.blocks[0]),
                 ("second_moment", &self.second_moment.blocks[0]),

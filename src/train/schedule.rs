@@ -68,14 +68,26 @@ pub fn sh_degree(config: &Config, iteration: u32) -> u32 {
     (iteration / config.model.sh_interval.max(1)).min(config.model.sh_degree)
 }
 
-/// Rate and key of the dropout at `iteration` (from 0): `p` goes from `rate_start` to `rate_end` as
+/// An iteration's dropout.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dropout {
+    /// Probability with which a Gaussian is left out.
+    pub rate: f64,
+    /// Decides which ones.
+    pub key: u32,
+}
+
+/// The dropout at `iteration` (from 0): `p` goes from `rate_start` to `rate_end` as
 /// `iteration / iterations` does from 0 to 1 (DropGaussian from 0; D2GS).
-pub fn dropout(config: &Config, iteration: u32) -> (f64, u32) {
+pub fn dropout(config: &Config, iteration: u32) -> Dropout {
     let progress = f64::from(iteration) / f64::from(config.iterations.max(1));
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
     rng.set_stream(DROPOUT_STREAM << 32 | u64::from(iteration));
     let (start, end) = (config.dropout.rate_start, config.dropout.rate_end);
-    (start + (end - start) * progress, rng.next_u32())
+    Dropout {
+        rate: start + (end - start) * progress,
+        key: rng.next_u32(),
+    }
 }
 
 /// Whether densification follows after `done` iterations (3DGS).

@@ -267,7 +267,7 @@ impl<'a> Trainer<'a> {
             .within(self.supervision.frozen_beyond());
         let kernels = &self.optimizer_kernels;
         self.optimizer
-            .step(self.gpu, kernels, &self.adam, &mut commands, (step, degree));
+            .step(self.gpu, kernels, &self.adam, &mut commands, step, degree);
         commands.submit();
         (real, virtual_view)
     }

@@ -6,6 +6,7 @@ use gspotential::gpu::kernel::fold;
 use gspotential::gpu::shader::compose;
 use gspotential::gpu::{Buffer, Commands, Gpu, Kernel};
 use gspotential::render::{Capacity, Model, Workspace};
+use gspotential::train::optimizer::ResetUniform;
 
 use super::rig::context;
 use crate::hard::specimens::{config, noise_supervision};
@@ -34,16 +35,20 @@ fn a_dispatch_beyond_65535_workgroups_reaches_every_element() {
     let n = 65_535 * 64 + 1234_usize;
     let source = compose("reset_opacity", 0);
     let kernel = Kernel::from_source(gpu, "reset_opacity", "reset_opacity", source);
-    let ceiling = Buffer::uniform_from(gpu, "ceiling", &[-3.0_f32, f32::INFINITY, 0.0, 0.0]);
-    let counts = Buffer::uniform_from(gpu, "counts", &[n as u32 - 1, 0, 0, 0]);
+    let reset = ResetUniform {
+        ceiling: -3.0,
+        frozen_beyond: f32::INFINITY,
+        n_gaussians: n as u32 - 1,
+        pad: 0,
+    };
+    let reset = Buffer::uniform_from(gpu, "reset", &reset);
     let geometry = Buffer::storage_from(gpu, "geometry", &vec![[1.0_f32; 4]; n]).expect("fits");
     let moment = Buffer::storage::<[f32; 4]>(gpu, "moment", n).expect("fits");
     let second = Buffer::storage::<[f32; 4]>(gpu, "second", n).expect("fits");
     let group = kernel.bind(
         gpu,
         &[
-            ("ceiling", &ceiling),
-            ("counts", &counts),
+            ("reset", &reset),
             ("geometry", &geometry),
             ("first_moment", &moment),
             ("second_moment", &second),

@@ -63,8 +63,8 @@ const PLANTS: [Plant; 36] = [
     ),
     plant(
         "project",
-        " - view.center_low.xyz",
-        " + view.center_low.xyz",
+        " - view.center_low",
+        " + view.center_low",
         stage::RASTERIZE,
     ),
     plant(
@@ -99,14 +99,14 @@ const PLANTS: [Plant; 36] = [
     ),
     plant(
         "tile_ranges",
-        "tile_ranges[before].y = i;",
-        "tile_ranges[before].y = i - 1u;",
+        "tile_ranges[before].end = i;",
+        "tile_ranges[before].end = i - 1u;",
         stage::TILE_RANGES,
     ),
     plant(
         "tile_ranges",
-        "tile_ranges[before].y = n;",
-        "tile_ranges[before].y = n - 1u;",
+        "tile_ranges[before].end = n;",
+        "tile_ranges[before].end = n - 1u;",
         stage::TILE_RANGES,
     ),
     plant(
@@ -154,8 +154,8 @@ const PLANTS: [Plant; 36] = [
     ),
     plant(
         "bin",
-        "last = splat_pairs[thread + 1u];",
-        "last = splat_pairs[thread];",
+        "last = splat_pairs[index + 1u];",
+        "last = splat_pairs[index];",
         stage::BIN,
     ),
     plant(
@@ -178,14 +178,14 @@ const PLANTS: [Plant; 36] = [
     ),
     plant(
         "project_backward",
-        "a.x * (1.0 - kept_share(view) * s2.w)",
-        "a.x * s2.w",
+        "d.v * (1.0 - kept_share(view) * s.opacity)",
+        "d.v * s.opacity",
         stage::PROJECT_BACKWARD,
     ),
     plant(
         "project_backward",
-        "1.0 - kept_share(view) * s2.w",
-        "1.0 - s2.w",
+        "1.0 - kept_share(view) * s.opacity",
+        "1.0 - s.opacity",
         stage::PROJECT_BACKWARD,
     ),
     plant(
@@ -202,14 +202,14 @@ const PLANTS: [Plant; 36] = [
     ),
     plant(
         "pose_backward",
-        "shifts[0] * w,",
-        "w * shifts[0],",
+        "shifts[0] * w)",
+        "w * shifts[0])",
         stage::POSE_BACKWARD,
     ),
     plant(
         "adam",
-        "step.betas.w * (gradient * gradient)",
-        "step.betas.z * (gradient * gradient)",
+        "step.new_share_2 * (gradient * gradient)",
+        "step.new_share_1 * (gradient * gradient)",
         stage::ADAM,
     ),
     plant(
@@ -218,7 +218,7 @@ const PLANTS: [Plant; 36] = [
         "vec4f(0.0), frozen && plane > 0u)",
         stage::ADAM,
     ),
-    plant("adam", " - step.centers_low[0].xyz", "", stage::ADAM),
+    plant("adam", " - step.views[0].center_low", "", stage::ADAM),
     plant(
         "rearrange",
         "new_planes[plane * rearrange.new_stride + id]",
@@ -227,8 +227,8 @@ const PLANTS: [Plant; 36] = [
     ),
     plant(
         "reset_opacity",
-        "> ceiling.y",
-        "> 1.1 * ceiling.y",
+        "> reset.frozen_beyond",
+        "> 1.1 * reset.frozen_beyond",
         stage::RESET_OPACITY,
     ),
     plant(

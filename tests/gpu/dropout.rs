@@ -113,20 +113,20 @@ fn a_share_is_dropped_and_another_key_drops_others() {
 #[test]
 fn the_rate_rises_from_zero_and_seed_and_iteration_decide_the_key() {
     let mut config = Config::preset("paper").expect("a preset");
-    assert_eq!(schedule::dropout(&config, 5000).0, 0.0);
+    assert_eq!(schedule::dropout(&config, 5000).rate, 0.0);
     config.dropout.rate_end = 0.2;
-    let rate = |iteration| schedule::dropout(&config, iteration).0;
+    let rate = |iteration| schedule::dropout(&config, iteration).rate;
     assert_eq!([rate(0), rate(5000), rate(10_000)], [0.0, 0.1, 0.2]);
     let mut rising = config.clone();
     rising.dropout.rate_start = 0.1;
-    let rate = |iteration| schedule::dropout(&rising, iteration).0;
+    let rate = |iteration| schedule::dropout(&rising, iteration).rate;
     assert_eq!([rate(0), rate(10_000)], [0.1, 0.2]);
     let key = |seed: u64, iteration| {
         let config = Config {
             seed,
             ..config.clone()
         };
-        schedule::dropout(&config, iteration).1
+        schedule::dropout(&config, iteration).key
     };
     assert_eq!(key(0, 7), key(0, 7));
     assert_ne!(key(0, 7), key(0, 8));

@@ -199,7 +199,7 @@ fn no_gaussians_at_all_render_the_background() {
     let ctx = context();
     let model = Model::upload(&ctx.gpu, &ball(0), 0).expect("fits");
     let mut view = view_of(&camera());
-    view.background = [0.25, 0.5, 0.75, 0.0];
+    view.background = [0.25, 0.5, 0.75];
     let image = Renderer::new(&ctx.gpu, &ctx.kernels)
         .render(&model, &view)
         .expect("renders");

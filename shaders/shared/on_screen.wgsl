@@ -1,0 +1,7 @@
+// What densification looks at of a Gaussian in a view.
+struct OnScreen {
+    // |d_mean2d| in normalised device coordinates.
+    gradient: f32,
+    // Radius as a share of the image's longer side; 0: not drawn.
+    radius: f32,
+}
