@@ -6,6 +6,8 @@
 //!
 //! Cloud and test views keep the scene's own poses, so that errors need no alignment.
 
+mod kit;
+
 use clap::Parser;
 use gspotential::camera::{Camera, Frame};
 use gspotential::config::Config;
@@ -13,19 +15,21 @@ use gspotential::error::Result;
 use gspotential::eval::{EvalOptions, PoseErrors, render_views, score};
 use gspotential::field::Focus;
 use gspotential::gpu::Gpu;
-use gspotential::pipeline::{load_scene, prepare};
+use gspotential::pipeline::prepare;
 use gspotential::render::Kernels;
 use gspotential::run::Seconds;
-use gspotential::scene::{LoadOptions, Scene, SceneSource};
+use gspotential::scene::{LoadOptions, Scene};
 use gspotential::train::train;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, UnitSphere};
 
+use kit::SceneArgs;
+
 #[derive(Parser)]
 struct Args {
-    #[arg(long, default_value = "builtin")]
-    scene: SceneSource,
+    #[command(flatten)]
+    on: SceneArgs,
     #[arg(long, default_value_t = 160)]
     max_size: u32,
     #[arg(long, default_value = "paper")]
@@ -36,25 +40,13 @@ struct Args {
     /// Shift of its centre, as a share of the sphere's radius
     #[arg(long, default_value_t = 0.01)]
     shift: f64,
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    settings: Vec<String>,
-    /// What cargo passes to every bench
-    #[arg(long, hide = true)]
-    bench: bool,
 }
 
 fn main() -> Result<()> {
     let args = Args::parse();
-    let mut config = Config::preset(&args.preset)?;
+    let mut config = args.on.config(&args.preset)?;
     config.scene.max_size_px = Some(args.max_size);
-    for setting in &args.settings {
-        config = config.set(setting)?;
-    }
-    config.validate()?;
-    let scene = load_scene(
-        &args.scene.clone().resolved()?.at_most(args.max_size),
-        &LoadOptions::new(&config),
-    )?;
+    let scene = args.on.load(args.max_size, LoadOptions::new(&config))?;
     let truth: Vec<Camera> = scene.train.iter().map(|v| v.camera.clone()).collect();
     let frame = Focus::find(&truth, &scene.cloud)?.frame();
     let off = put_off(&scene, &frame, &args, config.seed);

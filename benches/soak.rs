@@ -7,6 +7,8 @@
 //! end under a cap. After the first tenth, in which buffers and caches fill, neither may grow by
 //! more than a twentieth: otherwise the exit code is 1.
 
+mod kit;
+
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -19,6 +21,8 @@ use gspotential::pipeline::{Clock, TrainJob, train};
 use gspotential::run::{RunDir, Seconds, Stop};
 use gspotential::scene::SceneSource;
 use gspotential::terminal::Table;
+
+use kit::Settings;
 
 /// Between two looks at the memory.
 const PERIOD: Duration = Duration::from_millis(250);
@@ -35,11 +39,8 @@ struct Args {
     scene: SceneSource,
     #[arg(long, default_value_t = 20_000)]
     iterations: u32,
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    settings: Vec<String>,
-    /// What cargo passes to every bench
-    #[arg(long, hide = true)]
-    bench: bool,
+    #[command(flatten)]
+    settings: Settings,
 }
 
 /// Bytes at one moment.
@@ -90,10 +91,7 @@ fn job(args: &Args) -> Result<TrainJob> {
     config.densify.end = args.iterations;
     config.densify.opacity_reset_end = args.iterations;
     config.densify.max_gaussians = 800;
-    for setting in &args.settings {
-        config = config.set(setting)?;
-    }
-    config.validate()?;
+    let config = args.settings.applied_to(config)?;
     Ok(TrainJob {
         eval_every: Some((args.iterations / 100).max(1)),
         checkpoint_every: Some((args.iterations / 200).max(1)),

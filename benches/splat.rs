@@ -10,6 +10,8 @@
 //! window around it a point of the cloud is nearer by over 5 %. Beside an edge they are on one or two
 //! sides alone. The window is wide enough that a surface shows 12 points in it on average.
 
+mod kit;
+
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -20,23 +22,22 @@ use gspotential::config::{Config, Footprint, SplatConfig};
 use gspotential::error::Result;
 use gspotential::eval::score_splats;
 use gspotential::field::{Field, Focus};
-use gspotential::pipeline::load_scene;
-use gspotential::scene::{CloudSource, LoadOptions, Scene, SceneSource};
+use gspotential::scene::{CloudSource, LoadOptions, Scene};
 use gspotential::views::virtual_views;
+
+use kit::SceneArgs;
 
 /// How far behind the surface a point is hidden, as a share of its depth.
 const BEHIND: f64 = 0.05;
 
 #[derive(Parser)]
 struct Args {
-    #[arg(long, default_value = "builtin")]
-    scene: SceneSource,
+    #[command(flatten)]
+    on: SceneArgs,
     #[arg(long)]
     cloud: Option<PathBuf>,
     #[arg(long, value_delimiter = ',', default_value = "320")]
     max_size: Vec<u32>,
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    settings: Vec<String>,
     /// Greatest radii of discs to compare, pixels
     #[arg(long, value_delimiter = ',', default_value = "4")]
     radii: Vec<f64>,
@@ -45,18 +46,11 @@ struct Args {
     tolerances: Vec<f64>,
     #[arg(long, default_value_t = 3)]
     rounds: usize,
-    /// What cargo passes to every bench
-    #[arg(long, hide = true)]
-    bench: bool,
 }
 
 fn main() -> Result<()> {
     let args = Args::parse();
-    let mut config = Config::preset("paper")?;
-    for setting in &args.settings {
-        config = config.set(setting)?;
-    }
-    config.validate()?;
+    let config = args.on.config("paper")?;
     let mut splats = vec![SplatConfig {
         footprint: Footprint::Pixel,
         ..config.splat.clone()
@@ -74,14 +68,11 @@ fn main() -> Result<()> {
     );
     println!("|---:|---|---:|---:|---:|---:|---:|---:|---:|");
     for size in &args.max_size {
-        let scene = load_scene(
-            &args.scene.clone().resolved()?.at_most(*size),
-            &LoadOptions {
-                max_size: Some(*size),
-                cloud: args.cloud.clone().map(CloudSource::File),
-                ..LoadOptions::new(&config)
-            },
-        )?;
+        let options = LoadOptions {
+            cloud: args.cloud.clone().map(CloudSource::File),
+            ..LoadOptions::new(&config)
+        };
+        let scene = args.on.load(*size, options)?;
         compare(&scene, *size, &config, &splats, args.rounds)?;
     }
     Ok(())

@@ -1,26 +1,29 @@
 //! GPU time of one training step by kernel.
 //!
 //! `cargo bench --bench step -- [--scene DIR|builtin:WIDTH] [--max-size PX] [--max-points N]
-//! [--preset NAME] [--warmup N] [--steps N]`
+//! [--preset NAME] [--warmup N] [--steps N] [--set KEY=VALUE]...`
+
+mod kit;
 
 use std::collections::BTreeMap;
 use std::time::Instant;
 
 use clap::Parser;
-use gspotential::config::Config;
 use gspotential::error::{Error, Result};
 use gspotential::gpu::{Gpu, KernelTime, Profile};
-use gspotential::pipeline::{load_scene, prepare};
+use gspotential::pipeline::prepare;
 use gspotential::render::Kernels;
 use gspotential::report::kernel_table;
 use gspotential::run::{Seconds, StepProfile};
-use gspotential::scene::{LoadOptions, SceneSource};
+use gspotential::scene::LoadOptions;
 use gspotential::train::Trainer;
+
+use kit::SceneArgs;
 
 #[derive(Parser)]
 struct Args {
-    #[arg(long, default_value = "builtin")]
-    scene: SceneSource,
+    #[command(flatten)]
+    on: SceneArgs,
     #[arg(long, default_value_t = 320)]
     max_size: u32,
     #[arg(long)]
@@ -33,23 +36,18 @@ struct Args {
     /// Steps measured
     #[arg(long, default_value_t = 20)]
     steps: u32,
-    /// What cargo passes to every bench
-    #[arg(long, hide = true)]
-    bench: bool,
 }
 
 fn main() -> Result<()> {
     let args = Args::parse();
-    let mut config = Config::preset(&args.preset)?;
+    let mut config = args.on.config(&args.preset)?;
     config.scene.max_size_px = Some(args.max_size);
     config.scene.max_points = args.max_points;
-    let scene = load_scene(
-        &args.scene.resolved()?.at_most(args.max_size),
-        &LoadOptions {
-            n_test: 1,
-            ..LoadOptions::new(&config)
-        },
-    )?;
+    let options = LoadOptions {
+        n_test: 1,
+        ..LoadOptions::new(&config)
+    };
+    let scene = args.on.load(args.max_size, options)?;
     let mut seconds = Seconds::default();
     let prepared = prepare(&scene, &config, &mut seconds)?;
     let gpu = Gpu::open()?;

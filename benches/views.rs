@@ -5,49 +5,39 @@
 //!
 //! First the estimate that candidates are chosen by is held against the cloud at full size.
 
+mod kit;
+
 use std::time::Instant;
 
 use clap::Parser;
 use gspotential::camera::Camera;
 use gspotential::cloud::visibility::{Support, Visibility, candidate_shares};
-use gspotential::config::Config;
 use gspotential::error::Result;
 use gspotential::field::{Field, Focus};
-use gspotential::pipeline::load_scene;
-use gspotential::scene::{LoadOptions, SceneSource};
+use gspotential::scene::LoadOptions;
 use gspotential::views::{VirtualView, candidates, virtual_views};
+
+use kit::SceneArgs;
 
 /// Every so many candidates are measured in full.
 const STRIDE: usize = 16;
 
 #[derive(Parser)]
 struct Args {
-    #[arg(long, default_value = "builtin")]
-    scene: SceneSource,
+    #[command(flatten)]
+    on: SceneArgs,
     #[arg(long, default_value_t = 320)]
     max_size: u32,
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    settings: Vec<String>,
-    /// What cargo passes to every bench
-    #[arg(long, hide = true)]
-    bench: bool,
 }
 
 fn main() -> Result<()> {
     let args = Args::parse();
-    let mut config = Config::preset("paper")?;
-    for setting in &args.settings {
-        config = config.set(setting)?;
-    }
-    config.validate()?;
-    let scene = load_scene(
-        &args.scene.resolved()?.at_most(args.max_size),
-        &LoadOptions {
-            max_size: Some(args.max_size),
-            n_test: 1,
-            ..LoadOptions::new(&config)
-        },
-    )?;
+    let config = args.on.config("paper")?;
+    let options = LoadOptions {
+        n_test: 1,
+        ..LoadOptions::new(&config)
+    };
+    let scene = args.on.load(args.max_size, options)?;
     let train: Vec<Camera> = scene.train.iter().map(|v| v.camera.clone()).collect();
     let focus = Focus::find(&train, &scene.cloud)?;
     let field = Field::new(&train, &focus, &config.field);

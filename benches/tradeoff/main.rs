@@ -1,7 +1,7 @@
 //! Speed against error of the choices that trade one for the other.
 //!
 //! `cargo bench --bench tradeoff -- [--scene DIR|builtin:WIDTH] [--out DIR] [--max-size PX]
-//! [--max-points N] [--iterations N] [--rounds N]`
+//! [--max-points N] [--iterations N] [--rounds N] [--set KEY=VALUE]...`
 //!
 //! Kernels are made of the program's sources with a constant or a few lines replaced. Settings
 //! take turns, so that a machine that is shared slows all of them alike, and each one's fastest
@@ -10,6 +10,8 @@
 mod clock;
 mod grid;
 mod kernels;
+#[path = "../kit/mod.rs"]
+mod kit;
 mod output;
 mod splat;
 mod variants;
@@ -17,10 +19,10 @@ mod variants;
 use std::path::PathBuf;
 
 use clap::Parser;
-use gspotential::config::Config;
 use gspotential::error::Result;
-use gspotential::pipeline::load_scene;
-use gspotential::scene::{LoadOptions, Scene, SceneSource};
+use gspotential::scene::LoadOptions;
+
+use kit::SceneArgs;
 
 /// What is measured of one setting of one choice.
 pub struct Measured {
@@ -37,8 +39,8 @@ pub struct Measured {
 
 #[derive(Parser)]
 struct Args {
-    #[arg(long, default_value = "builtin")]
-    scene: SceneSource,
+    #[command(flatten)]
+    on: SceneArgs,
     /// Folder for tradeoff.csv, tradeoff.md and the plots
     #[arg(long, default_value = "target/tradeoff")]
     out: PathBuf,
@@ -52,25 +54,17 @@ struct Args {
     /// Rounds of which the fastest counts
     #[arg(long, default_value_t = 7)]
     rounds: usize,
-    /// What cargo passes to every bench
-    #[arg(long, hide = true)]
-    bench: bool,
-}
-
-fn load(args: &Args, config: &Config) -> Result<Scene> {
-    let source = args.scene.clone().resolved()?.at_most(args.max_size);
-    load_scene(&source, &LoadOptions::new(config))
 }
 
 fn main() -> Result<()> {
     let args = Args::parse();
-    let mut config = Config::preset("paper")?;
+    let mut config = args.on.config("paper")?;
     config.iterations = args.iterations;
     // All degrees of SH take part.
     config.model.sh_interval = args.iterations / 4;
     config.scene.max_size_px = Some(args.max_size);
     config.scene.max_points = Some(args.max_points);
-    let scene = load(&args, &config)?;
+    let scene = args.on.load(args.max_size, LoadOptions::new(&config))?;
     eprintln!("candidate grid");
     let grid = grid::measure(&scene, &config, args.rounds)?;
     eprintln!("point splat");
