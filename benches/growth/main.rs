@@ -1,21 +1,19 @@
-//! Time and memory against the size of what is worked on, each as a fitted exponent; and how many
-//! (pixel, Gaussian) evaluations the rasterizer makes of what the adapter could compute.
+//! Time and memory against the size of what is worked on, each as a fitted exponent.
 //!
 //! `cargo bench --bench growth -- [--out DIR] [--most-gaussians N] [--sh-degree D] [--widest PX] [--most-views N]
 //! [--most-points N] [--rounds N]`
 //!
-//! First the tools are checked: the fit, the counting rasterizer, the kernel that measures the peak.
+//! First the fit is checked.
 //! Each time is the least of several rounds: on a software adapter and on the host CPU time, which
 //! what else a shared machine does hardly changes, otherwise by timestamps.
 
 #[path = "../tradeoff/clock.rs"]
 mod clock;
 mod cloud;
-mod count;
 mod fit;
 mod host;
 mod output;
-mod peak;
+mod stages;
 mod step;
 
 use std::path::PathBuf;
@@ -77,16 +75,14 @@ fn main() -> Result<()> {
     let args = Args::parse();
     fit::check();
     let ctx = Context::new(Gpu::open()?)?;
-    let counting = count::Counting::new(&ctx)?;
-    let peak = peak::measure(&ctx.gpu, args.rounds)?;
     let mut figures = Vec::new();
     eprintln!("Gaussians");
-    step::gaussians(&ctx, &counting, &args, &mut figures)?;
+    step::gaussians(&ctx, &args, &mut figures)?;
     eprintln!("pixels");
-    step::pixels(&ctx, &counting, &args, &mut figures)?;
+    step::pixels(&ctx, &args, &mut figures)?;
     eprintln!("virtual views");
     host::views(&args, &mut figures)?;
     eprintln!("cloud points");
     host::points(&args, &mut figures)?;
-    output::write(&args.out, &ctx.gpu.describe(), peak, &figures)
+    output::write(&args.out, &ctx.gpu.describe(), &figures)
 }

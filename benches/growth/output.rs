@@ -8,8 +8,8 @@ use gspotential::report::plot::{Axis, Plot, Point, Style};
 use gspotential::terminal::Table;
 
 use super::clock;
-use super::count::{OPERATIONS, RASTERIZE};
 use super::fit::exponent;
+use super::stages::RASTERIZE;
 use super::{Figure, GAUSSIANS, PIXELS, POINTS, VIEWS};
 
 /// Sweeps with the figures that are drawn.
@@ -55,11 +55,11 @@ const DRAWN: [(&str, &str, &[&str]); 4] = [
     ),
 ];
 
-/// Writes everything into `folder`, and the tables to stdout; `peak` is in operations a second.
+/// Writes everything into `folder`, and the tables to stdout.
 ///
 /// # Errors
 /// A file that cannot be written.
-pub fn write(folder: &Path, adapter: &str, peak: f64, figures: &[Figure]) -> Result<()> {
+pub fn write(folder: &Path, adapter: &str, figures: &[Figure]) -> Result<()> {
     create_dir(folder)?;
     write_file(&folder.join("growth.csv"), &csv(figures)?)?;
     // Where the system does not tell, nothing is said.
@@ -79,13 +79,6 @@ pub fn write(folder: &Path, adapter: &str, peak: f64, figures: &[Figure]) -> Res
             table(figures, sweep)
         );
     }
-    text += &format!(
-        "\n## Evaluations\n\nPeak, measured by chains of multiplications and additions without memory: {:.1} GFLOP/s, of one \
-         core where times are CPU time; so are the rates. An \
-         evaluation of a Gaussian at a pixel takes {OPERATIONS} additions and multiplications.\n\n{}",
-        peak / 1e9,
-        evaluations(figures, peak)
-    );
     write_file(&folder.join("growth.md"), text.as_bytes())?;
     println!("{text}");
     for (sweep, file, whats) in DRAWN {
@@ -149,34 +142,6 @@ fn shown(value: f64, unit: &str) -> String {
         "B" => format!("{:.1} MiB", value / f64::from(1 << 20)),
         _ => format!("{value:.0}"),
     }
-}
-
-fn evaluations(figures: &[Figure], peak: f64) -> Table {
-    let mut table = Table::new(&[
-        "",
-        "of",
-        "million evaluations",
-        "a pair",
-        "million a second",
-        "of the peak",
-    ]);
-    for sweep in [GAUSSIANS, PIXELS] {
-        let of = |what| series(figures, sweep, what);
-        let (counts, seconds) = (of("evaluations of a view"), of(RASTERIZE));
-        let pairs = of("pairs of a view");
-        for ((count, time), pairs) in counts.iter().zip(&seconds).zip(&pairs) {
-            let rate = count.1 / time.1;
-            table.row(&[
-                sweep.to_owned(),
-                count.0.to_string(),
-                format!("{:.1}", count.1 / 1e6),
-                format!("{:.1}", count.1 / pairs.1),
-                format!("{:.0}", rate / 1e6),
-                format!("{:.1} %", 100.0 * rate * OPERATIONS / peak),
-            ]);
-        }
-    }
-    table
 }
 
 fn plot(figures: &[Figure], sweep: &str, whats: &[&str]) -> Plot {

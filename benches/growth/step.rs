@@ -11,8 +11,7 @@ use gspotential::scene::Scene;
 use gspotential::train::{Trainer, TrainingBytes};
 
 use super::clock::of_cpu;
-use super::count::Counting;
-use super::{Args, Figure, GAUSSIANS, PIXELS, cloud, host, sizes};
+use super::{Args, Figure, GAUSSIANS, PIXELS, cloud, host, sizes, stages};
 
 /// Width of the images while Gaussians grow, and Gaussians while pixels do.
 const WIDTH: u32 = 320;
@@ -34,30 +33,19 @@ fn config(n: usize, sh_degree: u32) -> Result<Config> {
 ///
 /// # Errors
 /// A size that the adapter cannot hold.
-pub fn gaussians(
-    ctx: &Context,
-    counting: &Counting,
-    args: &Args,
-    figures: &mut Vec<Figure>,
-) -> Result<()> {
+pub fn gaussians(ctx: &Context, args: &Args, figures: &mut Vec<Figure>) -> Result<()> {
     for n in sizes(10_000, args.most_gaussians) {
         let config = config(n, args.sh_degree)?;
         let scene = cloud::scene(&config, WIDTH, n)?;
-        measure(
-            ctx,
-            counting,
-            (&scene, &config),
-            args.rounds,
-            |what, unit, value| {
-                figures.push(Figure {
-                    sweep: GAUSSIANS,
-                    size: n as f64,
-                    what,
-                    unit,
-                    value,
-                });
-            },
-        )?;
+        measure(ctx, (&scene, &config), args.rounds, |what, unit, value| {
+            figures.push(Figure {
+                sweep: GAUSSIANS,
+                size: n as f64,
+                what,
+                unit,
+                value,
+            });
+        })?;
     }
     Ok(())
 }
@@ -66,12 +54,7 @@ pub fn gaussians(
 ///
 /// # Errors
 /// A size that the adapter cannot hold.
-pub fn pixels(
-    ctx: &Context,
-    counting: &Counting,
-    args: &Args,
-    figures: &mut Vec<Figure>,
-) -> Result<()> {
+pub fn pixels(ctx: &Context, args: &Args, figures: &mut Vec<Figure>) -> Result<()> {
     for width in [200, 400, 800, 1600]
         .into_iter()
         .filter(|w| *w <= args.widest)
@@ -81,28 +64,21 @@ pub fn pixels(
         let scene = cloud::scene(&config, width, N_GAUSSIANS)?;
         let image = &scene.train[0].image;
         let size = f64::from(image.width) * f64::from(image.height);
-        measure(
-            ctx,
-            counting,
-            (&scene, &config),
-            args.rounds,
-            |what, unit, value| {
-                figures.push(Figure {
-                    sweep: PIXELS,
-                    size,
-                    what,
-                    unit,
-                    value,
-                });
-            },
-        )?;
+        measure(ctx, (&scene, &config), args.rounds, |what, unit, value| {
+            figures.push(Figure {
+                sweep: PIXELS,
+                size,
+                what,
+                unit,
+                value,
+            });
+        })?;
     }
     Ok(())
 }
 
 fn measure(
     ctx: &Context,
-    counting: &Counting,
     (scene, config): (&Scene, &Config),
     rounds: u32,
     mut figure: impl FnMut(String, &'static str, f64),
@@ -141,14 +117,9 @@ fn measure(
     let model = &config.model;
     let camera = &supervision.real[0].camera;
     let view = ViewUniform::new(camera, model.near, model.background);
-    let counted = counting.measure(ctx, start, view, rounds)?;
-    figure("pairs of a view".to_owned(), "pairs", counted.pairs);
-    figure(
-        "evaluations of a view".to_owned(),
-        "evaluations",
-        counted.evaluations,
-    );
-    for (stage, seconds) in counted.stages {
+    let timed = stages::measure(ctx, start, view, rounds)?;
+    figure("pairs of a view".to_owned(), "pairs", timed.pairs);
+    for (stage, seconds) in timed.stages {
         figure(stage.to_owned(), "s", seconds);
     }
     Ok(())

@@ -1,20 +1,17 @@
 //! Speed against error of the choices that trade one for the other.
 //!
 //! `cargo bench --bench tradeoff -- [--scene DIR|builtin:WIDTH] [--out DIR] [--max-size PX]
-//! [--max-points N] [--iterations N] [--rounds N] [--set KEY=VALUE]...`
+//! [--max-points N] [--rounds N] [--set KEY=VALUE]...`
 //!
-//! Kernels are made of the program's sources with a constant or a few lines replaced. Settings
-//! take turns, so that a machine that is shared slows all of them alike, and each one's fastest
-//! round counts.
+//! Settings take turns, so that a machine that is shared slows all of them alike, and each one's
+//! fastest round counts.
 
 mod clock;
 mod grid;
-mod kernels;
 #[path = "../kit/mod.rs"]
 mod kit;
 mod output;
 mod splat;
-mod variants;
 
 use std::path::PathBuf;
 
@@ -48,9 +45,6 @@ struct Args {
     max_size: u32,
     #[arg(long, default_value_t = 30_000)]
     max_points: usize,
-    /// Training iterations before Gaussians are measured
-    #[arg(long, default_value_t = 300)]
-    iterations: u32,
     /// Rounds of which the fastest counts
     #[arg(long, default_value_t = 7)]
     rounds: usize,
@@ -59,9 +53,6 @@ struct Args {
 fn main() -> Result<()> {
     let args = Args::parse();
     let mut config = args.on.config("paper")?;
-    config.iterations = args.iterations;
-    // All degrees of SH take part.
-    config.model.sh_interval = args.iterations / 4;
     config.scene.max_size_px = Some(args.max_size);
     config.scene.max_points = Some(args.max_points);
     let scene = args.on.load(args.max_size, LoadOptions::new(&config))?;
@@ -69,17 +60,13 @@ fn main() -> Result<()> {
     let grid = grid::measure(&scene, &config, args.rounds)?;
     eprintln!("point splat");
     let splat = splat::measure(&scene, &config, args.rounds)?;
-    eprintln!("kernels, after {} iterations of training", args.iterations);
-    let (kernels, adapter) = kernels::measure(&scene, &config, args.rounds)?;
     let headline = format!(
-        "{adapter}; {} at {} px, {} Gaussians to start from, {} iterations of training. Times: {}, \
-         the least of {} rounds",
+        "{} at {} px, {} points. Times: {}, the least of {} rounds",
         scene.name,
         args.max_size,
         args.max_points,
-        args.iterations,
         clock::unit(),
         args.rounds
     );
-    output::write(&args.out, &headline, &kernels, &grid, &splat)
+    output::write(&args.out, &headline, &grid, &splat)
 }

@@ -10,27 +10,9 @@ use gspotential::terminal::Table;
 
 use super::Measured;
 use super::splat::{ALL, COVERED};
-use super::variants::{ALPHA, DEPTH, EXP, SH, TILES};
 
 /// Why each choice is as it is.
-const REASONS: [(&str, &str); 8] = [
-    (
-        ALPHA,
-        "3DGS's own, so that every viewer shows what was trained here",
-    ),
-    (TILES, "no pixel lost, and the shortest lists of the three"),
-    (
-        DEPTH,
-        "the order of f32 depths exactly, as 32 bits give in as many passes; fewer bits save passes and mix what lies close",
-    ),
-    (
-        EXP,
-        "as exact as f32 on every driver; WGSL lets a driver's own be off by several ulp",
-    ),
-    (
-        SH,
-        "Adam's steps of higher degrees, 1e-4 and less, would be lost in half floats",
-    ),
+const REASONS: [(&str, &str); 3] = [
     (
         "candidate grid",
         "its error is small beside the scatter of the one draw that is made",
@@ -46,22 +28,13 @@ const REASONS: [(&str, &str); 8] = [
 ];
 
 /// Writes everything into `folder`, and the tables to stdout.
-pub fn write(
-    folder: &Path,
-    headline: &str,
-    kernels: &[Measured],
-    grid: &[Measured],
-    splat: &[Measured],
-) -> Result<()> {
+pub fn write(folder: &Path, headline: &str, grid: &[Measured], splat: &[Measured]) -> Result<()> {
     create_dir(folder)?;
-    let all: Vec<&Measured> = kernels.iter().chain(grid).chain(splat).collect();
+    let all: Vec<&Measured> = grid.iter().chain(splat).collect();
     write_file(&folder.join("tradeoff.csv"), csv(&all).as_bytes())?;
     let markdown = markdown(headline, &all);
     write_file(&folder.join("tradeoff.md"), markdown.as_bytes())?;
     println!("{markdown}");
-    let image = Axis::log("image error, RMSE");
-    let time = || Axis::linear("time of a view, of that of the kept setting");
-    plot("Kernels", time(), image, kernels).write(&folder.join("tradeoff-kernels.svg"))?;
     let (time, error) = (
         Axis::log("time, of that of the kept grid"),
         Axis::log("total variation"),
@@ -97,13 +70,6 @@ fn csv(all: &[&Measured]) -> String {
 
 /// What the figures are.
 const EXPLANATION: &str = "\
-Kernels: time of a view, forward and backward, mean of three test views. Error: root mean square over the
-image, colours in [0, 1], off the pixels where f32 may decide otherwise, against the f64 reference; of
-the alpha cut-off against 1/65536. Beside it the gradient's relative L2. Keys of fewer bits are sorted in
-as many passes as the program has, and their time is counted for as many as they need. Half floats are
-unpacked by integers, which every adapter can. Goal images are stored in 8 bit, as photographs and point
-splats are: 16 or 32 would change nothing.
-
 Candidate grid: time of weights and draw; error: total variation, over 128 cells of equal area, between
 where 256 views are drawn and the density on an endless grid. Point splat: time of a view; error: that of
 the mean PSNR at the test views, black where nothing is covered.
