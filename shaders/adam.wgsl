@@ -1,4 +1,4 @@
-// One step of Adam (Kingma and Ba 2015; bias-corrected, epsilon added to the root, as PyTorch):
+// Takes one step of Adam (Kingma and Ba 2015; bias-corrected, epsilon added to the root, as PyTorch):
 // one thread a Gaussian. SH gradients are never stored: coefficient k gets basis_k(direction)
 // times the view's colour gradient, summed over the step's views here.
 #import shared/thread

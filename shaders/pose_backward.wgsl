@@ -1,4 +1,4 @@
-// Gradient of a view's loss with respect to a small motion of its camera, from what
+// Finds the gradient of a view's loss with respect to a small motion of its camera, from what
 // project_backward has left for the step's first view, before the second adds to it.
 //
 // To the camera, a shift is one of all means, and a turn about its own centre is one of all Gaussians

@@ -1,6 +1,6 @@
-// Gradient of the projection: one thread a Gaussian. Sums the Gaussian's pairs, by the blocks that
-// sum_pairs has summed, in their fixed order and carries the sums through covariance, projection, SH direction and quaternion
-// normalisation to the stored parameters. The step's first view writes, its second adds.
+// Carries gradients back through the projection: one thread a Gaussian sums the Gaussian's pairs in
+// their fixed order, by the blocks that sum_pairs has summed, and carries the sums through covariance,
+// projection, SH direction and quaternion normalisation to the stored parameters. The step's first view writes, its second adds.
 #import shared/thread
 #import shared/view
 #import shared/splat

@@ -1,4 +1,4 @@
-// One pass of a stable radix sort by a digit of RADIX_DIGITS values: count digits by chunk, scan the counts
+// Makes one pass of a stable radix sort by a digit of RADIX_DIGITS values: count digits by chunk, scan the counts
 // (digit-major), move. One thread a chunk of RADIX_CHUNK entries, which it takes in order: equal
 // keys keep theirs, so the result is the same on every adapter.
 #import shared/thread

@@ -1,5 +1,5 @@
-// Gradient of the compositing: one thread a tile, back to front, so that the transmittance before
-// a splat follows from that behind it by one division.
+// Carries the gradient back through the compositing: one thread a tile, back to front, so that the
+// transmittance before a splat follows from that behind it by one division.
 //
 // A pair gets nine sums (shared/pair_gradient). Moments of t (|t| < 3) keep the gradient of position
 // and covariance well conditioned for any elongation; the chain to them follows once per Gaussian.

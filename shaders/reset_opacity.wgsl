@@ -1,4 +1,4 @@
-// 3DGS's opacity reset: opacities fall to a ceiling and their Adam moments to zero.
+// Resets opacities as 3DGS does: they fall to a ceiling, and their Adam moments to zero.
 #import shared/thread
 
 struct Reset {

@@ -1,5 +1,5 @@
-// Exclusive prefix sum of counts in place, in two dispatches: sums of blocks, then the blocks, each
-// of which adds up the sums before it; few counts in one. Additions saturate, so that a total
+// Turns counts into their exclusive prefix sums in place, in two dispatches: the first sums blocks, and
+// in the second each block adds up the sums before it. Few counts take one dispatch. Additions saturate, so that a total
 // beyond 2^32 is seen as too large instead of wrapping.
 #import shared/thread
 #import shared/radix

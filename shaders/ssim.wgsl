@@ -1,4 +1,4 @@
-// The image loss (1 - w) L1 + w (1 - SSIM) and its gradient, in four dispatches: horizontal
+// Computes the image loss (1 - w) L1 + w (1 - SSIM) and its gradient, in four dispatches: horizontal
 // moments, vertical moments with SSIM's derivatives, and the two passes back.
 //
 // SSIM is 3DGS's: 11x11 Gaussian window (sigma 1.5), per channel, zero outside the image. Under a

@@ -1,4 +1,4 @@
-// What the sorts order: a key and what it belongs to, here by the names that each sort has for them.
+// The sorts order entries of a key and what it belongs to; here they have each sort's own names.
 struct DepthEntry {
     // Orders as depths do; NOT_DRAWN behind all.
     key: u32,

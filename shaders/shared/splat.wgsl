@@ -1,4 +1,4 @@
-// A Gaussian projected into the view. In the pixel (dx, dy) from the anchor,
+// A splat is a Gaussian projected into the view. In the pixel (dx, dy) from the anchor,
 //   alpha = opacity 2^-(t_x^2 + t_y^2),  t_x = t_0.x + l_xx dx + l_xy dy,  t_y = t_0.y + l_yy dy:
 // L is the Cholesky factor of the conic, scaled by sqrt(log2(e) / 2). Nothing cancels in it, however
 // elongated the splat is. The anchor is the image's pixel centre nearest to the projected mean, so
