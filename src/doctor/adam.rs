@@ -183,7 +183,7 @@ pub fn examine(ctx: &Context, stored: u32, n_views: usize, frozen_beyond: f32) -
     let optimizer = Optimizer::new(gpu, Model::upload(gpu, &start, stride)?)?;
     let space = workspace(ctx, stride)?;
     let groups = optimizer.bind(gpu, &ctx.optimizer, &space);
-    space.totals.write(gpu, &[0_u32; 4]);
+    space.buffer("totals").write(gpu, &[0_u32; 4]);
 
     let initial = numbers(&start);
     let mut twin = Twin {
@@ -194,11 +194,10 @@ pub fn examine(ctx: &Context, stored: u32, n_views: usize, frozen_beyond: f32) -
     for iteration in 0..STEPS {
         let degree = (iteration / 2).min(stored);
         let drawn = Drawn::new(&mut random, stride, n_views);
-        if let Some(backward) = &space.backward {
-            backward.d_geometry.write(gpu, &drawn.geometry);
-            backward.d_color.write(gpu, &drawn.color);
-            backward.screen.write(gpu, &vec![[0.0_f32; 2]; stride]);
-        }
+        space.buffer("d_geometry").write(gpu, &drawn.geometry);
+        space.buffer("d_color").write(gpu, &drawn.color);
+        let unseen = vec![[0.0_f32; 2]; stride];
+        space.buffer("screen").write(gpu, &unseen);
         let step =
             StepUniform::new(&config, iteration, EXTENT, &CENTERS[..n_views]).within(frozen_beyond);
         let mut commands = Commands::new(gpu);

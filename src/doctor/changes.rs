@@ -16,6 +16,13 @@ use crate::train::policy::{NEW, Plan};
 /// Distance within which [`examine_reset`] resets: that of about two thirds of the Gaussians.
 pub const RESET_WITHIN: f32 = 0.7;
 
+/// A number of Gaussians, and the number that there is room for.
+#[derive(Clone, Copy, Debug)]
+pub struct SetSize {
+    pub n: usize,
+    pub stride: usize,
+}
+
 /// Fills a model with noise.
 fn fill(gpu: &Gpu, model: &Model, seed: u64) {
     let mut random = Random::new(seed);
@@ -117,9 +124,10 @@ fn n_different(a: &Gaussians, b: &Gaussians) -> usize {
 pub fn examine_rearrange(
     ctx: &Context,
     plan: &Plan,
-    (n, stride): (usize, usize),
+    set: SetSize,
     degree: u32,
 ) -> Result<Findings> {
+    let SetSize { n, stride } = set;
     let len = plan.sources.len();
     let mut out = Findings::of(format!("{n} to {len} Gaussians of degree {degree}"));
     for densifies in [true, false] {

@@ -18,7 +18,7 @@ pub struct Repeat {
     pub iterations: u32,
     /// Gaussians at the end.
     pub n_gaussians: usize,
-    /// Of every parameter's bits, one a run.
+    /// Digests of every parameter's bits, one a run.
     pub hashes: [String; 2],
     pub holds: bool,
 }

@@ -42,7 +42,7 @@ pub struct Findings {
 }
 
 impl Findings {
-    /// Of the case that `case` names, with its size.
+    /// No findings yet, for the case that `case` names, with its size.
     pub fn of(case: impl Into<String>) -> Findings {
         Findings {
             case: case.into(),

@@ -84,12 +84,18 @@ fn expand_sh(color: &[[f64; 3]], gaussians: &TwinGaussians, camera: &TwinCamera)
     pairs.flat_map(of_gaussian).collect()
 }
 
-/// Carries `truth`'s weights back stage by stage after a forward pass. `twin` are the
-/// reference's splats and `splat_gradients` theirs.
+/// The reference's splats and their gradients.
+#[derive(Clone, Copy)]
+pub struct TwinSplats<'a> {
+    pub splats: &'a [TwinSplat],
+    pub gradients: &'a [SplatGradient],
+}
+
+/// Carries `truth`'s weights back stage by stage after a forward pass.
 pub fn examine_backward(
     ctx: &Context,
     rig: &Rig,
-    (twin, splat_gradients): (&[TwinSplat], &[SplatGradient]),
+    twin: TwinSplats<'_>,
     truth: &Truth<'_>,
     bound: f64,
     out: &mut Findings,
@@ -103,8 +109,9 @@ pub fn examine_backward(
     let pairs = read_pairs(ctx, rig, n_pairs.min(rig.workspace.capacity.pairs))?;
     let sums: Vec<SplatGradient> = ranges.iter().map(|range| sum_of(&pairs, range)).collect();
     let expected: Vec<SplatGradient> = twin
+        .splats
         .iter()
-        .zip(splat_gradients)
+        .zip(twin.gradients)
         .map(|(splat, d)| moments_of(splat, d))
         .collect();
     for (what, columns) in [
@@ -130,7 +137,7 @@ pub fn examine_backward(
     let mut commands = Commands::new(&ctx.gpu);
     rig.pass(ctx).project_backward(&mut commands);
     commands.submit();
-    hold_screen(ctx, rig, &ranges, (twin, splat_gradients), bound, out)?;
+    hold_screen(ctx, rig, &ranges, twin, bound, out)?;
     rig.gradients(ctx)
 }
 
@@ -221,13 +228,13 @@ fn hold_screen(
     ctx: &Context,
     rig: &Rig,
     ranges: &[[u32; 2]],
-    (twin, splat_gradients): (&[TwinSplat], &[SplatGradient]),
+    twin: TwinSplats<'_>,
     bound: f64,
     out: &mut Findings,
 ) -> Result<()> {
     let screen: Vec<[f32; 2]> = rig.read(ctx, "screen", rig.model.n)?;
     let [width, height] = [rig.view.size[0], rig.view.size[1]].map(f64::from);
-    let expected = ranges.iter().zip(twin.iter().zip(splat_gradients));
+    let expected = ranges.iter().zip(twin.splats.iter().zip(twin.gradients));
     let expected: Vec<[f64; 2]> = expected
         .map(|(range, (splat, d))| {
             if range[0] == range[1] {

@@ -32,6 +32,7 @@ pub use rig::{
 
 use serde::Serialize;
 
+use self::changes::SetSize;
 use self::determinism::Repeat;
 use self::loss::{Kind, LossCase, MaskKind};
 use self::timing::Timing;
@@ -125,8 +126,11 @@ pub fn examine_kernels(ctx: &Context) -> Result<Vec<Finding>> {
         // Fewer, within the room that there is, and more.
         for len in [40, 170, 333] {
             let plan = changes::random_plan(150, len, 96);
-            let sizes = (150, 180);
-            findings.extend(changes::examine_rearrange(ctx, &plan, sizes, degree)?.list);
+            let set = SetSize {
+                n: 150,
+                stride: 180,
+            };
+            findings.extend(changes::examine_rearrange(ctx, &plan, set, degree)?.list);
         }
     }
     findings.extend(adam::examine(ctx, 1, 2, adam::FROZEN_BEYOND)?.list);

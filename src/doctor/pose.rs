@@ -3,21 +3,18 @@
 use super::finding::Findings;
 use super::rig::{Context, POISON, Rig};
 use super::stage;
-use crate::doctor::twin::model::{SplatGradient, TwinCamera, TwinGaussians};
-use crate::doctor::twin::pose::pose_gradient;
 use crate::error::Result;
 use crate::gpu::Commands;
 use crate::render::PoseGradient;
 
-/// Holds turn and shift after a backward pass; `splats` are the reference's gradients.
+/// Holds turn and shift after a backward pass to those of the reference.
 ///
 /// # Errors
 /// A GPU fault.
 pub fn examine(
     ctx: &Context,
     rig: &Rig,
-    (gaussians, camera): (&TwinGaussians, &TwinCamera),
-    splats: &[SplatGradient],
+    twin: &[f64; 6],
     bound: f64,
     out: &mut Findings,
 ) -> Result<()> {
@@ -29,7 +26,6 @@ pub fn examine(
     rig.pass(ctx).pose_backward(&mut commands, &ctx.pose, &pose);
     commands.submit();
     let ours = pose.read(&ctx.gpu)?;
-    let twin = pose_gradient(gaussians, camera, splats);
     for (what, part) in [("turn", 0..3), ("shift", 3..6)] {
         let at = (stage::POSE_BACKWARD, what);
         out.close(at, &ours[part.clone()], &twin[part], bound);

@@ -12,8 +12,8 @@ use crate::gaussians::Gaussians;
 use crate::gpu::shader::{self, Sources};
 use crate::gpu::{Buffer, Commands, Gpu};
 use crate::render::{
-    Bound, Capacity, Kernels, LossUniform, Model, Pass, PoseKernels, Rendered, ViewUniform,
-    Workspace, read_rendered, read_totals,
+    Bound, Capacity, Kernels, LossUniform, Model, Pass, PassStep, PoseKernels, Rendered,
+    ViewUniform, Workspace, read_rendered, read_totals, until_it_fits,
 };
 use crate::train::guide::Guide;
 use crate::train::optimizer::OptimizerKernels;
@@ -122,8 +122,12 @@ impl Rig {
             &self.workspace,
             &self.bound,
             &self.model,
-            (0, self.view),
-            (self.sh_degree, 1),
+            self.view,
+            PassStep {
+                slot: 0,
+                sh_degree: self.sh_degree,
+                number: 1,
+            },
         )
     }
 
@@ -155,29 +159,30 @@ impl Rig {
     pub fn start(&self, ctx: &Context) {
         self.poison(ctx);
         let mut commands = Commands::new(&ctx.gpu);
-        commands.clear(&self.workspace.totals);
+        commands.clear(self.workspace.buffer("totals"));
         commands.submit();
     }
 
     /// Poisons, renders, and makes room where the pairs do not fit.
     pub fn forward(&mut self, ctx: &Context) -> Result<Rendered> {
-        loop {
+        let gpu = &ctx.gpu;
+        until_it_fits(gpu, self.workspace.capacity, |needed| {
+            if !self.workspace.capacity.holds(&needed) {
+                self.workspace = Workspace::new(gpu, needed, true)?;
+                self.bound = Bound::new(gpu, &ctx.kernels, &self.workspace, &self.model);
+            }
             self.start(ctx);
-            let mut commands = Commands::new(&ctx.gpu);
+            let mut commands = Commands::new(gpu);
             self.pass(ctx).forward(&mut commands);
             commands.submit();
-            let totals = read_totals(&ctx.gpu, &self.workspace)?;
-            let Some(capacity) = totals.room(&ctx.gpu, self.workspace.capacity)? else {
-                return self.read_rendered(ctx);
-            };
-            self.workspace = Workspace::new(&ctx.gpu, capacity, true)?;
-            self.bound = Bound::new(&ctx.gpu, &ctx.kernels, &self.workspace, &self.model);
-        }
+            read_totals(gpu, &self.workspace)
+        })?;
+        self.read_rendered(ctx)
     }
 
     /// The image as the last rasterization left it.
     pub fn read_rendered(&self, ctx: &Context) -> Result<Rendered> {
-        read_rendered(&ctx.gpu, &self.workspace.rendered, &self.view)
+        read_rendered(&ctx.gpu, self.workspace.buffer("rendered"), &self.view)
     }
 
     /// The first three planes of an image buffer as interleaved pixels, without its padding.
@@ -188,7 +193,7 @@ impl Rig {
         Ok(self.pixels().flat_map(of_pixel).collect())
     }
 
-    /// Where the image's pixels lie in a padded plane.
+    /// Places of the image's pixels in a padded plane.
     fn pixels(&self) -> impl Iterator<Item = usize> {
         let row_len = 4 * self.view.padded_size().0;
         let (width, height) = (self.view.size[0] as usize, self.view.size[1] as usize);

@@ -2,7 +2,7 @@
 
 use super::finding::Findings;
 use super::forward::{self, ListLengths};
-use super::image::{self, Truth};
+use super::image::{self, Truth, TwinSplats};
 use super::pose;
 use super::rig::{Context, Rig};
 use crate::doctor::twin::cases::{
@@ -11,6 +11,7 @@ use crate::doctor::twin::cases::{
 };
 use crate::doctor::twin::dropout::{TwinDropout, TwinGuide};
 use crate::doctor::twin::model::{TwinCamera, TwinGaussians};
+use crate::doctor::twin::pose::pose_gradient;
 use crate::doctor::twin::raster::{TwinRender, backward, render};
 use crate::doctor::twin::tolerance;
 use crate::error::Result;
@@ -214,10 +215,13 @@ pub fn examine(ctx: &Context, case: &ViewCase) -> Result<(Findings, ListLengths)
     commands.submit();
     image::hold_image(&rig.read_rendered(ctx)?, &truth, bounds.image, &mut out);
     let d_splats = gradients.splats.as_slice();
-    let splats = (splats.as_slice(), d_splats);
-    let ours = image::examine_backward(ctx, &rig, splats, &truth, bounds.gradient, &mut out)?;
+    let reference = TwinSplats {
+        splats,
+        gradients: d_splats,
+    };
+    let ours = image::examine_backward(ctx, &rig, reference, &truth, bounds.gradient, &mut out)?;
     image::hold_gradients(&ours, gaussians, camera, &truth, bounds.gradient, &mut out);
-    let of = (gaussians, camera);
-    pose::examine(ctx, &rig, of, d_splats, bounds.gradient, &mut out)?;
+    let pose = pose_gradient(gaussians, camera, d_splats);
+    pose::examine(ctx, &rig, &pose, bounds.gradient, &mut out)?;
     Ok((out, lengths))
 }

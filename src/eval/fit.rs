@@ -3,12 +3,12 @@
 
 use crate::camera::{Camera, Frame};
 use crate::config::Config;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
 use crate::gpu::{Commands, Gpu};
 use crate::render::{
-    Bound, Capacity, Kernels, LossUniform, Model, Pass, PoseGradient, PoseKernels, ViewUniform,
-    Workspace, first_pairs, read_totals,
+    Bound, Capacity, Kernels, LossUniform, Model, Pass, PassStep, PoseGradient, PoseKernels,
+    ViewUniform, Workspace, first_pairs, read_totals, until_it_fits,
 };
 use crate::scene::View;
 use crate::terminal::progress::Progress;
@@ -102,8 +102,8 @@ impl Fit<'_> {
         let w = self.config.loss.ssim_weight;
         let loss = LossUniform::new(view.weight, w, view.total_weight, view.masked);
         let n_pairs = first_pairs(gpu, self.model.n);
-        let mut needed = Capacity::new(self.model.stride, n_pairs, &[uniform]);
-        loop {
+        let needed = Capacity::new(self.model.stride, n_pairs, &[uniform]);
+        until_it_fits(gpu, needed, |needed| {
             let room = self.room(needed)?;
             room.workspace.set_goal(gpu, 0, &uniform, &self.goal);
             let pass = Pass::new(
@@ -112,37 +112,39 @@ impl Fit<'_> {
                 &room.workspace,
                 &room.bound,
                 &self.model,
-                (0, uniform),
-                (self.model.sh_degree, 1),
+                uniform,
+                PassStep {
+                    slot: 0,
+                    sh_degree: self.model.sh_degree,
+                    number: 1,
+                },
             );
             let mut commands = Commands::new(gpu);
-            commands.clear(&room.workspace.totals);
+            commands.clear(room.workspace.buffer("totals"));
             pass.forward(&mut commands);
             pass.loss(&mut commands, loss);
             pass.backward(&mut commands);
             pass.pose_backward(&mut commands, &self.pose_kernels, &room.pose);
             commands.submit();
-            let totals = read_totals(gpu, &room.workspace)?;
-            let Some(more) = totals.room(gpu, room.workspace.capacity)? else {
-                let losses = room.workspace.read_losses(gpu)?;
-                let [l1, ssim] = losses.first().copied().unwrap_or_default();
-                let gradient = room.pose.read(gpu)?;
-                self.room = Some(room);
-                return Ok(((1.0 - w) * l1 + w * (1.0 - ssim), gradient));
-            };
-            needed = more;
+            let totals = read_totals(gpu, &room.workspace);
             self.room = Some(room);
-        }
+            totals
+        })?;
+        let Some(room) = &self.room else {
+            return Err(Error::new("nothing was rendered"));
+        };
+        let losses = room.workspace.read_losses(gpu)?;
+        let [l1, ssim] = losses.first().copied().unwrap_or_default();
+        Ok(((1.0 - w) * l1 + w * (1.0 - ssim), room.pose.read(gpu)?))
     }
 
     /// The buffers there are, or larger ones.
     fn room(&mut self, needed: Capacity) -> Result<Room> {
-        let capacity = match self.room.take() {
+        let held = match self.room.take() {
             Some(room) if room.workspace.capacity.holds(&needed) => return Ok(room),
-            Some(room) => room.workspace.capacity.union(&needed),
-            None => needed,
+            room => room.map(|room| room.workspace),
         };
-        let workspace = Workspace::new(self.gpu, capacity, true)?;
+        let workspace = Workspace::reserved(self.gpu, held, needed, true)?;
         Ok(Room {
             bound: Bound::new(self.gpu, self.kernels, &workspace, &self.model),
             pose: PoseGradient::new(self.gpu, &self.pose_kernels, &workspace, &self.model)?,

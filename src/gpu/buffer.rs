@@ -13,6 +13,77 @@ use crate::error::{Error, Result};
 /// it, for its first time from the system.
 pub const PORTION: usize = 4 << 20;
 
+/// A kind of buffer before there is one: its name, and what its entries take. One description makes
+/// the buffers and says what they will take.
+#[derive(Clone, Copy, Debug)]
+pub struct BufferKind {
+    name: &'static str,
+    entry_bytes: usize,
+    is_uniform: bool,
+}
+
+impl BufferKind {
+    /// Storage buffers of `T`s.
+    pub const fn storage<T>(name: &'static str) -> BufferKind {
+        BufferKind {
+            name,
+            entry_bytes: size_of::<T>(),
+            is_uniform: false,
+        }
+    }
+
+    /// Uniform buffers of one `T`.
+    pub const fn uniform<T>(name: &'static str) -> BufferKind {
+        BufferKind {
+            name,
+            entry_bytes: size_of::<T>(),
+            is_uniform: true,
+        }
+    }
+
+    /// The name, which is that of the variable in the shaders.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    pub fn is_uniform(&self) -> bool {
+        self.is_uniform
+    }
+
+    /// A buffer for `len` entries, all zero. Storage buffers have at least 16 bytes, so that they can
+    /// be bound.
+    ///
+    /// # Errors
+    /// More bytes than the adapter can bind at once, or memory runs out: names the numbers.
+    pub fn allocate(&self, gpu: &Gpu, len: usize) -> Result<Buffer> {
+        let (label, size) = (self.name, self.entry_bytes);
+        if self.is_uniform {
+            let usage = wgpu::BufferUsages::UNIFORM;
+            return Ok(Buffer::create(gpu, label, self.bytes(len), usage));
+        }
+        let bytes = (len as u64).checked_mul(size as u64);
+        if bytes.is_none_or(|bytes| bytes > gpu.max_binding()) {
+            return Err(Error::new(format!(
+                "buffer `{label}` needs {len} x {size} bytes, the adapter binds at most {}",
+                gpu.max_binding()
+            ))
+            .at(&gpu.info.name)
+            .way_out("use fewer Gaussians (`--max-points`) or smaller images (`--max-size`)"));
+        }
+        let usage = wgpu::BufferUsages::STORAGE;
+        Buffer::create(gpu, label, self.bytes(len), usage).held(gpu, label)
+    }
+
+    /// Bytes of a buffer for `len` entries, did the adapter hold them.
+    pub fn bytes(&self, len: usize) -> u64 {
+        let bytes = (len as u64).saturating_mul(self.entry_bytes as u64);
+        match self.is_uniform {
+            true => bytes,
+            false => least(bytes),
+        }
+    }
+}
+
 /// A storage or uniform buffer, zero at first; its bytes count towards [`Gpu::peak_bytes`].
 pub struct Buffer {
     pub(super) raw: wgpu::Buffer,
@@ -30,31 +101,13 @@ impl Buffer {
     /// A storage buffer for `len` values of `T`; at least 16 bytes, so that it can be bound.
     ///
     /// # Errors
-    /// More bytes than the adapter can bind at once, or memory runs out: names the numbers.
-    pub fn storage<T: Pod>(gpu: &Gpu, label: &str, len: usize) -> Result<Buffer> {
-        let bytes = (len as u64)
-            .checked_mul(size_of::<T>() as u64)
-            .filter(|&bytes| bytes <= gpu.max_binding())
-            .ok_or_else(|| {
-                Error::new(format!(
-                    "buffer `{label}` needs {len} x {} bytes, the adapter binds at most {}",
-                    size_of::<T>(),
-                    gpu.max_binding()
-                ))
-                .at(&gpu.info.name)
-                .way_out("use fewer Gaussians (`--max-points`) or smaller images (`--max-size`)")
-            })?;
-        let bytes = least(bytes);
-        Self::create(gpu, label, bytes, wgpu::BufferUsages::STORAGE).held(gpu, label)
-    }
-
-    /// Bytes of [`Buffer::storage`] for `len` values of `T`, did the adapter hold them.
-    pub fn storage_bytes<T: Pod>(len: usize) -> u64 {
-        least((len as u64).saturating_mul(size_of::<T>() as u64))
+    /// As [`BufferKind::allocate`].
+    pub fn storage<T: Pod>(gpu: &Gpu, label: &'static str, len: usize) -> Result<Buffer> {
+        BufferKind::storage::<T>(label).allocate(gpu, len)
     }
 
     /// A storage buffer that holds `data`.
-    pub fn storage_from<T: Pod>(gpu: &Gpu, label: &str, data: &[T]) -> Result<Buffer> {
+    pub fn storage_from<T: Pod>(gpu: &Gpu, label: &'static str, data: &[T]) -> Result<Buffer> {
         let buffer = Self::storage::<T>(gpu, label, data.len())?;
         buffer.write(gpu, data);
         Ok(buffer)

@@ -7,7 +7,7 @@ pub mod kernel;
 pub mod profile;
 pub mod shader;
 
-pub use buffer::{Buffer, PORTION};
+pub use buffer::{Buffer, BufferKind, PORTION};
 pub use device::{Gpu, adapters, binding_limit, prefer_adapter, shader_count};
 pub use kernel::{Commands, Kernel, Stage, by_degree};
 pub use profile::{KernelTime, Profile};

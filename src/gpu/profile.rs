@@ -74,8 +74,8 @@ impl Profile {
         self.names.clear();
     }
 
-    /// Waits for the GPU; times by kernel, summed over its dispatches since the last call. Of one
-    /// submission: a second one would have taken the first one's place.
+    /// Waits for the GPU; times by kernel, summed over its dispatches since the last call. These
+    /// belong to one submission: a second one would have taken the first one's place.
     pub fn take(&mut self, gpu: &Gpu) -> Result<BTreeMap<&'static str, KernelTime>> {
         let times: Vec<u64> = self.resolved.read(gpu, 2 * self.names.len())?;
         let period = f64::from(gpu.queue.get_timestamp_period()) * 1e-9;

@@ -46,8 +46,8 @@ pub const STAGES: &[(&str, &str)] = sources![
     "reset_opacity",
 ];
 
-/// Where kernels get the complete WGSL of a stage and an SH degree: [`compose`], or what a bench
-/// or a test has made of it.
+/// Gives kernels the complete WGSL of a stage and an SH degree: [`compose`], or what a test has made
+/// of it.
 pub type Sources<'a> = &'a (dyn Fn(&str, u32) -> String + Sync);
 
 /// The complete WGSL of a stage, with `SH_DEGREE` for the active degree: a constant, because a

@@ -2,7 +2,22 @@
 
 use super::uniforms::ViewUniform;
 use crate::error::{Error, Result};
+use crate::gpu::Gpu;
 use crate::gpu::constants::{LIST_SLICE, LOOP_TURNS, MOST_TILE_ROWS, PAIR_BLOCK, TILE_H};
+
+/// (tile, Gaussian) pairs a Gaussian that there is room for at first. At 320 pixels, pairs are
+/// about 4 a Gaussian, at 1600 up to 11; a step that has more is repeated with more room.
+const FIRST_PAIRS: usize = 6;
+
+/// Pairs of one view that there is room for at first.
+pub fn first_pairs(gpu: &Gpu, n_gaussians: usize) -> usize {
+    (FIRST_PAIRS * n_gaussians.max(2048)).min(most_pairs(gpu))
+}
+
+/// Most pairs of one view that the adapter can bind: a pair's largest entry is a `vec4f`.
+pub fn most_pairs(gpu: &Gpu) -> usize {
+    (gpu.max_binding() / 16) as usize
+}
 
 /// What a workspace has room for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

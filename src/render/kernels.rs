@@ -113,7 +113,7 @@ pub(super) struct RadixGroups {
 }
 
 pub(super) struct ScanGroups {
-    /// Of `scan_reduce` and `scan_spread`.
+    /// For `scan_reduce` and `scan_spread`.
     pub(super) many: [wgpu::BindGroup; 2],
     pub(super) few: wgpu::BindGroup,
 }
@@ -126,7 +126,7 @@ pub(super) struct BackwardGroups {
     pub(super) project: [wgpu::BindGroup; 4],
 }
 
-/// Of a rasterizer: for whole lists, or one for each slice of them.
+/// A rasterizer's: one for whole lists, or one for each slice of them.
 pub(super) enum RasterGroups {
     Whole(wgpu::BindGroup),
     Slices(Vec<wgpu::BindGroup>),
@@ -158,42 +158,58 @@ impl Groups {
                 few: bind(&kernels.scan_few),
             }
         };
-        let radix = |passes: &[Buffer], entries: &[Buffer; 2], uniform: &Buffer| {
+        let radix = |passes: &[Buffer], entries: [&Buffer; 2], uniform: &Buffer| {
             let pass = |(i, pass): (usize, &Buffer)| {
                 let from_to = [
                     ("radix", pass),
-                    ("entries_in", &entries[i % 2]),
-                    ("entries_out", &entries[1 - i % 2]),
+                    ("entries_in", entries[i % 2]),
+                    ("entries_out", entries[1 - i % 2]),
                 ];
                 RadixGroups {
                     count: with(&from_to, &kernels.radix_count),
-                    scan: scan(uniform, &space.digit_counts),
+                    scan: scan(uniform, space.buffer("digit_counts")),
                     shift: with(&from_to, &kernels.radix_move),
                 }
             };
             passes.iter().enumerate().map(pass).collect()
         };
         let raster = |[whole, slice]: &[Kernel; 2]| {
-            if space.slices.is_empty() {
+            let slices = space.all("slice");
+            if slices.is_empty() {
                 return RasterGroups::Whole(with(&[], whole));
             }
-            let slices = space.slices.iter();
-            RasterGroups::Slices(slices.map(|at| with(&[("slice", at)], slice)).collect())
+            RasterGroups::Slices(
+                slices
+                    .iter()
+                    .map(|at| with(&[("slice", at)], slice))
+                    .collect(),
+            )
         };
-        let uniforms = &space.slots[slot];
+        let uniform = |name| space.of_slot(name, slot);
+        let depths = [
+            space.buffer("depth_order"),
+            space.buffer("depth_order_swap"),
+        ];
+        let [count, emit] = [0, 1].map(|mode| space.of_slot("mode", mode));
         Groups {
             project: kernels.project.each_ref().map(|k| with(&[], k)),
-            depth_passes: radix(&uniforms.depth_passes, &space.depth_order, {
-                &uniforms.scan_splat_digits
-            }),
-            pair_passes: radix(&space.pair_passes, &space.pairs, &uniforms.scan_pair_digits),
-            bin_count: with(&[("mode", &space.count)], &kernels.bin),
-            bin_emit: with(&[("mode", &space.emit)], &kernels.bin),
-            scan_pairs: scan(&space.slots[slot].scan_pairs, &space.splat_pairs),
+            depth_passes: radix(
+                space.depth_passes(slot),
+                depths,
+                uniform("scan_splat_digits"),
+            ),
+            pair_passes: radix(
+                space.all("pair_passes"),
+                space.pair_halves(),
+                uniform("scan_pair_digits"),
+            ),
+            bin_count: with(&[("mode", count)], &kernels.bin),
+            bin_emit: with(&[("mode", emit)], &kernels.bin),
+            scan_pairs: scan(uniform("scan_pairs"), space.buffer("splat_pairs")),
             find_tile_ranges: with(&[], &kernels.find_tile_ranges),
             order_tiles: with(&[], &kernels.order_tiles),
             rasterize: raster(&kernels.rasterize),
-            backward: space.backward.as_ref().map(|_| BackwardGroups {
+            backward: space.trains.then(|| BackwardGroups {
                 ssim: [0, 1, 2, 3].map(|i| with(&[], &kernels.ssim[i])),
                 loss_sum: [&kernels.loss_blocks, &kernels.loss_total].map(|k| with(&[], k)),
                 rasterize: raster(&kernels.rasterize_backward),

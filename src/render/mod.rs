@@ -1,13 +1,16 @@
 //! Gaussians on the GPU and their differentiable rasterization.
 //!
-//! One view forward: project, sort by depth, bin (count), prefix sum, bin
-//! (emit), sort by tile, rasterize; backward:
-//! rasterize_backward, sum_pairs, project_backward, and pose_backward where a camera moves, too. Each is the WGSL stage of that name; the gradient path
+//! One view runs project, sort by depth, bin (count), prefix sum, bin (emit), sort by tile, tile
+//! ranges and order, rasterize; backward it runs rasterize_backward, sum_pairs and project_backward,
+//! and pose_backward too if its camera moves. Each is the WGSL stage of that name. The gradient path
 //! holds no atomic float and every sum has a fixed order, so equal inputs give equal bits.
+//!
+//! `buffers` describes every buffer once; a [`Workspace`] allocates them, and [`WorkspaceBytes`]
+//! says what they will take.
 
+mod buffers;
 mod capacity;
 mod kernels;
-mod memory;
 mod model;
 mod pass;
 mod pose;
@@ -16,14 +19,14 @@ mod room;
 mod uniforms;
 mod workspace;
 
-pub use capacity::Capacity;
+pub use buffers::WorkspaceBytes;
+pub use capacity::{Capacity, first_pairs, most_pairs};
 pub use kernels::{Bound, Kernels};
-pub use memory::{WorkspaceBytes, block_bytes, first_pairs, model_bytes, most_pairs};
-pub use model::{BLOCK_PLANES, Model, most_gaussians, n_blocks};
-pub use pass::Pass;
+pub use model::{BLOCK_PLANES, Model, block_bytes, model_bytes, most_gaussians, n_blocks};
+pub use pass::{Pass, PassStep};
 pub use pose::{PoseGradient, PoseKernels};
 pub use renderer::{Rendered, Renderer, read_rendered};
-pub use room::{Totals, read_totals};
+pub use room::{Totals, read_totals, until_it_fits};
 pub(crate) use uniforms::parts;
 pub use uniforms::{
     BinUniform, DropShare, LossUniform, RadixUniform, ScanUniform, SliceUniform, Splat, ViewUniform,

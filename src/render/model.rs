@@ -2,11 +2,45 @@
 
 use crate::error::Result;
 use crate::gaussians::Gaussians;
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::{Buffer, BufferKind, Gpu};
 
 /// Planes of four floats a Gaussian: geometry, and SH blocks of degrees 0-1, 2 and 3. A block
 /// stays within one binding up to 1.6 million Gaussians on adapters that bind 128 MiB.
 pub const BLOCK_PLANES: [usize; 4] = [3, 3, 4, 5];
+
+/// The blocks, with a `vec4f` a Gaussian and plane.
+const BLOCKS: [BufferKind; 4] = [
+    BufferKind::storage::<[f32; 4]>("geometry"),
+    BufferKind::storage::<[f32; 4]>("sh_0"),
+    BufferKind::storage::<[f32; 4]>("sh_2"),
+    BufferKind::storage::<[f32; 4]>("sh_3"),
+];
+
+/// Entries of block `i`; none where the degree needs none.
+fn block_len(i: usize, stride: usize, sh_degree: u32) -> usize {
+    match i < n_blocks(sh_degree) {
+        true => BLOCK_PLANES[i] * stride,
+        false => 0,
+    }
+}
+
+/// Bytes of a [`Model`].
+pub fn model_bytes(stride: usize, sh_degree: u32) -> u64 {
+    (0..BLOCKS.len())
+        .map(|i| one_block_bytes(i, stride, sh_degree))
+        .sum()
+}
+
+/// Bytes of the largest of its blocks.
+pub fn block_bytes(stride: usize, sh_degree: u32) -> u64 {
+    let used = 0..n_blocks(sh_degree);
+    let bytes = used.map(|i| one_block_bytes(i, stride, sh_degree));
+    bytes.max().unwrap_or(0)
+}
+
+fn one_block_bytes(i: usize, stride: usize, sh_degree: u32) -> u64 {
+    BLOCKS[i].bytes(block_len(i, stride, sh_degree))
+}
 
 /// Parameter blocks (or Adam moments of the same shape), `[plane][stride]` of `vec4f` each.
 ///
@@ -24,25 +58,18 @@ pub struct Model {
 impl Model {
     /// All zero, with room for `stride` Gaussians.
     pub fn zeros(gpu: &Gpu, n: usize, stride: usize, sh_degree: u32) -> Result<Model> {
-        let block = |i: usize, label: &str| {
-            let planes = if i < n_blocks(sh_degree) {
-                BLOCK_PLANES[i]
-            } else {
-                0
-            };
-            Buffer::storage::<[f32; 4]>(gpu, label, planes * stride)
-        };
+        let block = |i: usize| BLOCKS[i].allocate(gpu, block_len(i, stride, sh_degree));
         Ok(Model {
             n,
             stride,
             sh_degree,
-            blocks: [
-                block(0, "geometry")?,
-                block(1, "sh_0")?,
-                block(2, "sh_2")?,
-                block(3, "sh_3")?,
-            ],
+            blocks: [block(0)?, block(1)?, block(2)?, block(3)?],
         })
+    }
+
+    /// The blocks under their names in the shaders.
+    pub(super) fn names(&self) -> impl Iterator<Item = (&'static str, &Buffer)> {
+        BLOCKS.iter().map(BufferKind::name).zip(&self.blocks)
     }
 
     /// Uploads Gaussians, with room for `stride` of them.

@@ -1,10 +1,11 @@
 //! The dispatches of one view: forward, loss, backward.
 
+use super::buffers::{n_chunks, n_partials};
 use super::kernels::{Bound, Groups, Kernels, RadixGroups, RasterGroups, ScanGroups};
 use super::model::Model;
 use super::pose::{PoseGradient, PoseKernels};
 use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
-use super::workspace::{Workspace, n_chunks, n_partials};
+use super::workspace::Workspace;
 use crate::gpu::constants::{
     EMIT_CHUNK, PAIR_BLOCK, RADIX_BITS, RADIX_DIGITS, RANGE_CHUNK, SCAN_CHUNK, SCAN_FEW,
     TOTAL_DIGITS, TOTAL_PAIRS, WORKGROUP,
@@ -23,39 +24,53 @@ pub struct Pass<'a> {
     sh_degree: usize,
 }
 
+/// A view's place in its step.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PassStep {
+    /// Number of the view among those of the step.
+    pub slot: usize,
+    /// The active degree.
+    pub sh_degree: u32,
+    /// Number of the step for reports of overflow, from 1.
+    pub number: u32,
+}
+
 impl<'a> Pass<'a> {
-    /// Writes the view's uniforms. `step` numbers the step for overflow reports, from 1.
+    /// Writes the view's uniforms.
     pub fn new(
         gpu: &'a Gpu,
         kernels: &'a Kernels,
         workspace: &'a Workspace,
         bound: &'a Bound,
         model: &Model,
-        (slot, mut view): (usize, ViewUniform),
-        (sh_degree, step): (u32, u32),
+        mut view: ViewUniform,
+        step: PassStep,
     ) -> Pass<'a> {
+        let PassStep {
+            slot,
+            sh_degree,
+            number,
+        } = step;
         let capacity = workspace.capacity;
         let (n, pairs) = (shader_count(model.n), shader_count(capacity.pairs));
         view.n_gaussians = n;
         view.stride = shader_count(model.stride);
         view.slot = slot as u32;
         view.longest_list = shader_count(capacity.longest_list());
-        let uniforms = &workspace.slots[slot];
-        uniforms.view.write(gpu, &[view]);
+        let uniform = |name| workspace.of_slot(name, slot);
+        uniform("view").write(gpu, &[view]);
         let scan = |n, total, capacity| ScanUniform {
             n,
             total,
             capacity,
-            step,
+            step: number,
         };
-        uniforms
-            .scan_pairs
-            .write(gpu, &[scan(n, TOTAL_PAIRS, pairs)]);
+        uniform("scan_pairs").write(gpu, &[scan(n, TOTAL_PAIRS, pairs)]);
         let n_digits = shader_count(n_chunks(model.n) * RADIX_DIGITS as usize);
         let digits = |n| scan(n, TOTAL_DIGITS, 0);
-        uniforms.scan_splat_digits.write(gpu, &[digits(n_digits)]);
-        uniforms.scan_pair_digits.write(gpu, &[digits(0)]);
-        for (i, pass) in uniforms.depth_passes.iter().enumerate() {
+        uniform("scan_splat_digits").write(gpu, &[digits(n_digits)]);
+        uniform("scan_pair_digits").write(gpu, &[digits(0)]);
+        for (i, pass) in workspace.depth_passes(slot).iter().enumerate() {
             let shift = i as u32 * RADIX_BITS;
             pass.write(
                 gpu,
@@ -125,7 +140,7 @@ impl<'a> Pass<'a> {
 
     /// Fills `tile_ranges`.
     pub fn find_tile_ranges(&self, commands: &mut Commands<'_>) {
-        commands.clear(&self.workspace.tile_ranges);
+        commands.clear(self.workspace.buffer("tile_ranges"));
         let (kernel, group) = (
             &self.kernels.find_tile_ranges,
             &self.groups().find_tile_ranges,
@@ -198,9 +213,8 @@ impl<'a> Pass<'a> {
         let strips = n_partials(self.view.plane_len());
         loss.n_partials = shader_count(strips);
         loss.slot = self.slot as u32;
-        self.workspace.slots[self.slot]
-            .loss
-            .write(self.gpu, &[loss]);
+        let uniform = self.workspace.of_slot("loss", self.slot);
+        uniform.write(self.gpu, &[loss]);
         for (i, n) in [rows, strips as u64, rows, strips as u64]
             .into_iter()
             .enumerate()
@@ -265,6 +279,6 @@ impl<'a> Pass<'a> {
         kernels: &PoseKernels,
         pose: &PoseGradient,
     ) {
-        pose.record(commands, kernels, (self.sh_degree, self.n()));
+        pose.record(commands, kernels, self.sh_degree, self.n());
     }
 }

@@ -16,7 +16,7 @@ use super::workspace::Workspace;
 use crate::error::Result;
 use crate::gpu::constants::WORKGROUP;
 use crate::gpu::shader::{self, Sources};
-use crate::gpu::{Buffer, Commands, Gpu, Kernel, by_degree};
+use crate::gpu::{Buffer, BufferKind, Commands, Gpu, Kernel, by_degree};
 
 /// The kernels of this stage, which only moving cameras need.
 pub struct PoseKernels {
@@ -43,6 +43,12 @@ impl PoseKernels {
     }
 }
 
+/// A `Motion` in WGSL: turn and shift, each padded to four numbers.
+type Motion = [[f32; 4]; 2];
+
+const SUMS: BufferKind = BufferKind::storage::<Motion>("pose_sums");
+const D_POSE: BufferKind = BufferKind::storage::<Motion>("d_pose");
+
 /// The gradient's buffers and bind groups for a workspace and a model.
 pub struct PoseGradient {
     sums: Buffer,
@@ -60,10 +66,10 @@ impl PoseGradient {
         workspace: &Workspace,
         model: &Model,
     ) -> Result<PoseGradient> {
-        let sums = Buffer::storage::<[f32; 4]>(gpu, "pose_sums", n_sums(model.stride))?;
-        let d_pose = Buffer::storage::<[f32; 4]>(gpu, "d_pose", 2)?;
+        let sums = SUMS.allocate(gpu, n_sums(model.stride))?;
+        let d_pose = D_POSE.allocate(gpu, 1)?;
         let mut names = workspace.names(model, 0);
-        names.extend([("pose_sums", &sums), ("d_pose", &d_pose)]);
+        names.extend([(SUMS.name(), &sums), (D_POSE.name(), &d_pose)]);
         let backward = kernels.backward.each_ref().map(|k| k.bind(gpu, &names));
         let total = kernels.total.bind(gpu, &names);
         Ok(PoseGradient {
@@ -76,7 +82,7 @@ impl PoseGradient {
 
     /// Bytes of its buffers for this many Gaussians.
     pub fn bytes(stride: usize) -> u64 {
-        Buffer::storage_bytes::<[f32; 4]>(n_sums(stride)) + Buffer::storage_bytes::<[f32; 4]>(2)
+        SUMS.bytes(n_sums(stride)) + D_POSE.bytes(1)
     }
 
     /// Records the kernels of an SH degree over `n` Gaussians.
@@ -84,7 +90,8 @@ impl PoseGradient {
         &self,
         commands: &mut Commands<'_>,
         kernels: &PoseKernels,
-        (sh_degree, n): (usize, u64),
+        sh_degree: usize,
+        n: u64,
     ) {
         commands.dispatch(&kernels.backward[sh_degree], &self.backward[sh_degree], n);
         commands.dispatch(&kernels.total, &self.total, 1);
@@ -95,8 +102,8 @@ impl PoseGradient {
     /// # Errors
     /// A GPU fault.
     pub fn read(&self, gpu: &Gpu) -> Result<[f64; 6]> {
-        let values: Vec<[f32; 4]> = self.d_pose.read(gpu, 2)?;
-        let at = |i: usize, k: usize| f64::from(values[i][k]);
+        let parts: Vec<[f32; 4]> = self.d_pose.read(gpu, 2)?;
+        let at = |part: usize, axis: usize| f64::from(parts[part][axis]);
         Ok([at(0, 0), at(0, 1), at(0, 2), at(1, 0), at(1, 1), at(1, 2)])
     }
 
@@ -108,5 +115,5 @@ impl PoseGradient {
 
 /// Partial sums over the blocks of so many Gaussians.
 fn n_sums(stride: usize) -> usize {
-    2 * stride.div_ceil(WORKGROUP as usize)
+    stride.div_ceil(WORKGROUP as usize)
 }

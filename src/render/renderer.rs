@@ -3,11 +3,11 @@
 use super::capacity::Capacity;
 use super::kernels::{Bound, Kernels};
 use super::model::Model;
-use super::pass::Pass;
-use super::room::read_totals;
+use super::pass::{Pass, PassStep};
+use super::room::{read_totals, until_it_fits};
 use super::uniforms::ViewUniform;
 use super::workspace::Workspace;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Commands, Gpu};
 
 /// A rendered view, row 0 on top, values unclamped.
@@ -42,42 +42,28 @@ impl<'a> Renderer<'a> {
     /// # Errors
     /// More (tile, Gaussian) pairs than the adapter can bind, or a GPU fault.
     pub fn render(&mut self, model: &Model, view: &ViewUniform) -> Result<Rendered> {
-        let mut needed = Capacity::new(model.stride, 4 * model.n.max(1024), &[*view]);
-        loop {
-            let workspace = match self.workspace.take() {
-                Some(workspace) if workspace.capacity.holds(&needed) => workspace,
-                Some(workspace) => {
-                    let capacity = workspace.capacity.union(&needed);
-                    // Its memory is free before more is taken.
-                    drop(workspace);
-                    self.gpu.wait()?;
-                    Workspace::new(self.gpu, capacity, false)?
-                }
-                None => Workspace::new(self.gpu, needed, false)?,
+        let gpu = self.gpu;
+        let needed = Capacity::new(model.stride, 4 * model.n.max(1024), &[*view]);
+        until_it_fits(gpu, needed, |needed| {
+            let workspace = Workspace::reserved(gpu, self.workspace.take(), needed, false)?;
+            let bound = Bound::new(gpu, self.kernels, &workspace, model);
+            let step = PassStep {
+                slot: 0,
+                sh_degree: model.sh_degree,
+                number: 1,
             };
-            let bound = Bound::new(self.gpu, self.kernels, &workspace, model);
-            let at = (model.sh_degree, 1);
-            let pass = Pass::new(
-                self.gpu,
-                self.kernels,
-                &workspace,
-                &bound,
-                model,
-                (0, *view),
-                at,
-            );
-            let mut commands = Commands::new(self.gpu);
-            commands.clear(&workspace.totals);
+            let pass = Pass::new(gpu, self.kernels, &workspace, &bound, model, *view, step);
+            let mut commands = Commands::new(gpu);
+            commands.clear(workspace.buffer("totals"));
             pass.forward(&mut commands);
             commands.submit();
-            let totals = read_totals(self.gpu, &workspace)?;
-            let Some(room) = totals.room(self.gpu, workspace.capacity)? else {
-                let image = read_rendered(self.gpu, &workspace.rendered, view)?;
-                self.workspace = Some(workspace);
-                return Ok(image);
-            };
-            needed = room;
+            let totals = read_totals(gpu, &workspace);
             self.workspace = Some(workspace);
+            totals
+        })?;
+        match &self.workspace {
+            Some(workspace) => read_rendered(gpu, workspace.buffer("rendered"), view),
+            None => Err(Error::new("nothing was rendered")),
         }
     }
 }

@@ -2,8 +2,7 @@
 //! tile's list do not fit, every later stage of this and of the following steps does nothing, and
 //! the host makes room and takes the step again.
 
-use super::capacity::Capacity;
-use super::memory::most_pairs;
+use super::capacity::{Capacity, most_pairs};
 use super::workspace::Workspace;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
@@ -22,6 +21,8 @@ pub struct Totals {
     pub longest: usize,
     /// Number of the first step whose pairs or lists did not fit; 0: none.
     pub overflow_step: u32,
+    /// What the workspace had room for.
+    capacity: Capacity,
 }
 
 /// Waits for the GPU and reads its counts.
@@ -29,13 +30,14 @@ pub struct Totals {
 /// # Errors
 /// A GPU fault.
 pub fn read_totals(gpu: &Gpu, workspace: &Workspace) -> Result<Totals> {
-    let totals: Vec<u32> = workspace.totals.read(gpu, N_TOTALS as usize)?;
+    let totals: Vec<u32> = workspace.buffer("totals").read(gpu, N_TOTALS as usize)?;
     let total = |slot: u32| totals[slot as usize] as usize;
     Ok(Totals {
         pairs: total(TOTAL_PAIRS),
         max: total(TOTAL_MAX),
         longest: total(TOTAL_LONGEST),
         overflow_step: totals[TOTAL_OVERFLOW as usize],
+        capacity: workspace.capacity,
     })
 }
 
@@ -45,7 +47,8 @@ impl Totals {
     ///
     /// # Errors
     /// More pairs than can be counted; a driver that reports an overflow of what fits.
-    pub fn room(&self, gpu: &Gpu, capacity: Capacity) -> Result<Option<Capacity>> {
+    pub fn room(&self, gpu: &Gpu) -> Result<Option<Capacity>> {
+        let capacity = self.capacity;
         if self.overflow_step == 0 {
             return Ok(None);
         }
@@ -72,6 +75,32 @@ impl Totals {
         }
         Ok(Some(room))
     }
+}
+
+/// Attempts in which a view that fits at all has been given the room that it needs: the pairs are
+/// counted in the first, the lists in the second.
+const MOST_ATTEMPTS: usize = 8;
+
+/// Makes `attempt` with room for what is `needed`, and again with more until its pairs and lists fit.
+/// An attempt makes the room, submits, and reads the counts.
+///
+/// # Errors
+/// What the attempts and [`Totals::room`] return; a view that finds no room.
+pub fn until_it_fits(
+    gpu: &Gpu,
+    mut needed: Capacity,
+    mut attempt: impl FnMut(Capacity) -> Result<Totals>,
+) -> Result<()> {
+    for _ in 0..MOST_ATTEMPTS {
+        match attempt(needed)?.room(gpu)? {
+            None => return Ok(()),
+            Some(room) => needed = room,
+        }
+    }
+    let what = format!("a view has not fitted in {MOST_ATTEMPTS} attempts, each with more room");
+    Err(Error::new(what)
+        .at(&gpu.info.name)
+        .way_out("run `gspotential doctor`"))
 }
 
 impl Capacity {

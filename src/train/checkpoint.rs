@@ -36,7 +36,7 @@ impl Trainer<'_> {
     /// their turn.
     ///
     /// # Errors
-    /// Of an item: a GPU fault.
+    /// An item may be a GPU fault.
     pub fn buffers(&self) -> impl Iterator<Item = Result<Vec<u8>>> {
         let lens = self.state().buffer_lens();
         let buffers = self.optimizer.buffers().into_iter().zip(lens);

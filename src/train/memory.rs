@@ -14,7 +14,7 @@ use crate::render::{
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TrainingBytes {
     pub n_gaussians: usize,
-    /// Of one view.
+    /// Pairs of one view that there is room for.
     pub n_pairs: usize,
     /// The Gaussians.
     pub model: u64,
@@ -31,7 +31,7 @@ pub struct TrainingBytes {
 }
 
 impl TrainingBytes {
-    /// Of training that starts from `n` Gaussians, until it densifies or more pairs are needed.
+    /// What training that starts from `n` Gaussians takes, until it densifies or more pairs are needed.
     pub fn at_start(
         gpu: &Gpu,
         n: usize,

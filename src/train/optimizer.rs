@@ -7,7 +7,7 @@ use super::schedule;
 use crate::config::Config;
 use crate::error::Result;
 use crate::gpu::shader::{self, Sources};
-use crate::gpu::{Buffer, Commands, Gpu, Kernel, Stage, by_degree, shader_count};
+use crate::gpu::{Buffer, BufferKind, Commands, Gpu, Kernel, Stage, by_degree, shader_count};
 use crate::render::{BLOCK_PLANES, Model, Workspace, most_gaussians, n_blocks, parts};
 
 /// The kernels of this stage.
@@ -154,14 +154,21 @@ const KIND_GEOMETRY: u32 = 0;
 const KIND_PLAIN: u32 = 1;
 const KIND_MOMENTS: u32 = 2;
 
+/// A `vec4f` a Gaussian: sum of screen gradients, number of views, largest radius, 0.
+const STATISTICS: BufferKind = BufferKind::storage::<[f32; 4]>("statistics");
+const STEP: BufferKind = BufferKind::uniform::<StepUniform>("step");
+/// A plan, an entry a Gaussian of the new set.
+const SOURCES: BufferKind = BufferKind::storage::<u32>("sources");
+const CHANGES: BufferKind = BufferKind::storage::<[f32; 4]>("changes");
+
 /// Bytes of an [`Optimizer`] beyond its three models.
 pub(super) fn statistics_bytes(stride: usize) -> u64 {
-    Buffer::storage_bytes::<[f32; 4]>(stride) + size_of::<StepUniform>() as u64
+    STATISTICS.bytes(stride) + STEP.bytes(1)
 }
 
 /// Bytes that [`Optimizer::rearrange`] takes beside the new set of one model.
 pub(super) fn plan_bytes(n: usize) -> u64 {
-    Buffer::storage_bytes::<u32>(n) + Buffer::storage_bytes::<[f32; 4]>(n)
+    SOURCES.bytes(n) + CHANGES.bytes(n)
 }
 
 /// Entries a plane for `n` Gaussians and some that will come, so that buffers need not follow
@@ -190,8 +197,8 @@ impl Optimizer {
         Ok(Optimizer {
             first_moment: zeros()?,
             second_moment: zeros()?,
-            statistics: Buffer::storage::<[f32; 4]>(gpu, "statistics", model.stride)?,
-            step: Buffer::uniform::<StepUniform>(gpu, "step"),
+            statistics: STATISTICS.allocate(gpu, model.stride)?,
+            step: STEP.allocate(gpu, 1)?,
             model,
         })
     }
@@ -214,26 +221,23 @@ impl Optimizer {
         kernels: &OptimizerKernels,
         workspace: &Workspace,
     ) -> Vec<Vec<wgpu::BindGroup>> {
-        let Some(backward) = &workspace.backward else {
-            return Vec::new();
-        };
         let group = |degree: u32, block: usize| {
             let source = match block {
-                0 => &backward.d_geometry,
+                0 => workspace.buffer("d_geometry"),
                 _ => &self.model.blocks[0],
             };
             kernels.adam[degree as usize][block].bind(
                 gpu,
                 &[
-                    ("step", &self.step),
+                    (STEP.name(), &self.step),
                     ("parameters", &self.model.blocks[block]),
                     ("first_moment", &self.first_moment.blocks[block]),
                     ("second_moment", &self.second_moment.blocks[block]),
                     ("source", source),
-                    ("d_color", &backward.d_color),
-                    ("totals", &workspace.totals),
-                    ("screen", &backward.screen),
-                    ("statistics", &self.statistics),
+                    ("d_color", workspace.buffer("d_color")),
+                    ("totals", workspace.buffer("totals")),
+                    ("screen", workspace.buffer("screen")),
+                    (STATISTICS.name(), &self.statistics),
                 ],
             )
         };
@@ -333,8 +337,10 @@ impl Optimizer {
         } else {
             self.model.stride
         };
-        let sources = Buffer::storage_from(gpu, "sources", &plan.sources)?;
-        let changes = Buffer::storage_from(gpu, "changes", &plan.changes)?;
+        let sources = SOURCES.allocate(gpu, n)?;
+        sources.write(gpu, &plan.sources);
+        let changes = CHANGES.allocate(gpu, n)?;
+        changes.write(gpu, &plan.changes);
         let follow =
             |commands: &mut Commands<'_>, old: &Buffer, new: &Buffer, layout: RearrangeUniform| {
                 let uniform = Buffer::uniform_from(gpu, "rearrange", &layout);
@@ -344,8 +350,8 @@ impl Optimizer {
                         ("rearrange", &uniform),
                         ("old_planes", old),
                         ("new_planes", new),
-                        ("sources", &sources),
-                        ("changes", &changes),
+                        (SOURCES.name(), &sources),
+                        (CHANGES.name(), &changes),
                     ],
                 );
                 commands.dispatch(&kernels.rearrange, &group, n as u64);
@@ -358,7 +364,7 @@ impl Optimizer {
             kind,
             pad: [0; 3],
         };
-        let statistics = Buffer::storage::<[f32; 4]>(gpu, "statistics", stride)?;
+        let statistics = STATISTICS.allocate(gpu, stride)?;
         if !densifies {
             let mut commands = Commands::new(gpu);
             let layout = layout(self.model.stride, 1, KIND_PLAIN);

@@ -21,8 +21,8 @@ impl Trainer<'_> {
         if read_totals(self.gpu, &self.workspace)?.overflow_step != 0 {
             return Ok(());
         }
-        let view = (real, &self.supervision.real[real]);
-        let camera = refinement.step(self.gpu, view, rates)?;
+        let view = &self.supervision.real[real];
+        let camera = refinement.step(self.gpu, real, view, rates)?;
         self.real[real] = uniform(&camera, self.supervision, config);
         Ok(())
     }

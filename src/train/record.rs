@@ -13,7 +13,7 @@ pub struct LossSample {
     /// `L_real + alpha_k L_virt`.
     pub loss: f64,
     pub real: ImageLoss,
-    /// Of the iteration's virtual view, before its weight; null without virtual views.
+    /// The loss of the iteration's virtual view, before its weight; null without virtual views.
     pub virt: Option<ImageLoss>,
 }
 

@@ -64,7 +64,8 @@ impl Refinement {
     pub fn step(
         &mut self,
         gpu: &Gpu,
-        (k, view): (usize, &TrainingView),
+        k: usize,
+        view: &TrainingView,
         rates: [f64; 2],
     ) -> Result<Camera> {
         let pose = &mut self.poses[k];

@@ -20,7 +20,7 @@ const SIZE: f64 = 0.7;
 
 const OPACITY: f64 = 0.99;
 
-/// Where the shell is, in the canonical frame.
+/// The shell's place, in the canonical frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shell {
     count: usize,

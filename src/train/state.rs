@@ -18,9 +18,9 @@ pub struct State {
     pub sh_degree: u32,
     pub samples: Vec<LossSample>,
     pub plans: Vec<PlanRecord>,
-    /// Of the training cameras, where they are refined.
+    /// The training cameras' poses; `None` unless they are refined.
     pub poses: Option<Vec<RefinedPose>>,
-    /// Of the views, where dropout is guided.
+    /// One a view; empty unless dropout is guided.
     pub guides: Vec<Guide>,
 }
 

@@ -4,6 +4,7 @@ use super::goal::Goal;
 use super::shell::Shell;
 use crate::camera::Camera;
 use crate::field::Coverage;
+use crate::gpu::constants::LEVEL_MAX;
 use crate::scene::View;
 
 /// An image that a training view is compared with.
@@ -49,7 +50,7 @@ impl TrainingView {
         TrainingView {
             camera,
             goal,
-            total_weight: total as f64 / 255.0,
+            total_weight: total as f64 / LEVEL_MAX,
             masked: true,
             weight,
         }

@@ -16,7 +16,8 @@ use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
 use crate::gpu::{Commands, Gpu, Profile};
 use crate::render::{
-    Bound, Capacity, Kernels, LossUniform, Model, Pass, ViewUniform, Workspace, read_totals,
+    Bound, Capacity, Kernels, LossUniform, Model, Pass, PassStep, ViewUniform, Workspace,
+    read_totals,
 };
 
 /// Iterations between two looks at the GPU: a loss sample, the overflow flag, the progress.
@@ -49,6 +50,13 @@ pub struct TrainerSeconds {
     pub densify: f64,
 }
 
+/// The views of an iteration, by number among their kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StepViews {
+    pub real: usize,
+    pub virtual_view: Option<usize>,
+}
+
 /// A training run in progress.
 pub struct Trainer<'a> {
     pub(super) gpu: &'a Gpu,
@@ -65,7 +73,7 @@ pub struct Trainer<'a> {
     bound: Bound,
     adam: Vec<Vec<wgpu::BindGroup>>,
     pub(super) refinement: Option<Refinement>,
-    /// Of the real, then of the virtual views, where dropout is guided.
+    /// One a view, the real ones first; empty unless dropout is guided.
     pub(super) guides: Vec<Guide>,
     /// A view's, unpacked.
     goal: Vec<u32>,
@@ -171,7 +179,7 @@ impl<'a> Trainer<'a> {
             let times = observer.times(done + 1);
             let profile = if times { observer.profile() } else { None };
             let views = self.step(done, profile);
-            self.refine(done, views.0)?;
+            self.refine(done, views.real)?;
             done += 1;
             let changes = schedule::densifies(config, done)
                 || schedule::prunes_by_coverage(config, done)
@@ -216,12 +224,8 @@ impl<'a> Trainer<'a> {
     }
 
     /// Records and submits iteration `iteration` (from 0), timed where there is a profile;
-    /// returns its real and its virtual view.
-    pub fn step(
-        &mut self,
-        iteration: u32,
-        profile: Option<&mut Profile>,
-    ) -> (usize, Option<usize>) {
+    /// returns its views.
+    pub fn step(&mut self, iteration: u32, profile: Option<&mut Profile>) -> StepViews {
         let config = self.config;
         let degree = schedule::sh_degree(config, iteration);
         // There is at least one real view.
@@ -250,8 +254,12 @@ impl<'a> Trainer<'a> {
                 &self.workspace,
                 &self.bound,
                 &self.optimizer.model,
-                (slot, self.dropped_out(uniform, k, dropout)),
-                (degree, iteration + 1),
+                self.dropped_out(uniform, k, dropout),
+                PassStep {
+                    slot,
+                    sh_degree: degree,
+                    number: iteration + 1,
+                },
             );
             pass.forward(&mut commands);
             pass.loss(&mut commands, loss);
@@ -269,7 +277,7 @@ impl<'a> Trainer<'a> {
         self.optimizer
             .step(self.gpu, kernels, &self.adam, &mut commands, step, degree);
         commands.submit();
-        (real, virtual_view)
+        StepViews { real, virtual_view }
     }
 
     /// Grows the buffers if the pairs of a step or a tile's list did not fit, and returns that step's iteration
@@ -279,7 +287,7 @@ impl<'a> Trainer<'a> {
     /// More pairs than the adapter can bind, or a GPU fault.
     pub fn make_room(&mut self) -> Result<Option<u32>> {
         let totals = read_totals(self.gpu, &self.workspace)?;
-        let Some(room) = totals.room(self.gpu, self.workspace.capacity)? else {
+        let Some(room) = totals.room(self.gpu)? else {
             return Ok(None);
         };
         self.grow(room)?;
@@ -295,11 +303,7 @@ impl<'a> Trainer<'a> {
     }
 
     /// Reads the losses of the iteration just done.
-    fn sample(
-        &self,
-        done: u32,
-        (real, virtual_view): (usize, Option<usize>),
-    ) -> Result<LossSample> {
+    fn sample(&self, done: u32, StepViews { real, virtual_view }: StepViews) -> Result<LossSample> {
         let losses = self.workspace.read_losses(self.gpu)?;
         let w = self.config.loss.ssim_weight;
         let total = |loss: ImageLoss| (1.0 - w) * loss.l1 + w * (1.0 - loss.ssim);

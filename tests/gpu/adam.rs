@@ -45,13 +45,14 @@ fn a_step_whose_pairs_did_not_fit_changes_nothing() {
     let model = Model::upload(gpu, &start, N).expect("fits");
     let optimizer = Optimizer::new(gpu, model).expect("fits");
     let space = workspace(&ctx, N).expect("fits");
-    let backward = space.backward.as_ref().expect("for training");
     let groups = optimizer.bind(gpu, &ctx.optimizer, &space);
-    backward.d_geometry.write(gpu, &vec![1.0_f32; 12 * N]);
-    backward.d_color.write(gpu, &vec![1.0_f32; 8 * N]);
-    backward.screen.write(gpu, &vec![[1.0_f32; 2]; N]);
+    space
+        .buffer("d_geometry")
+        .write(gpu, &vec![1.0_f32; 12 * N]);
+    space.buffer("d_color").write(gpu, &vec![1.0_f32; 8 * N]);
+    space.buffer("screen").write(gpu, &vec![[1.0_f32; 2]; N]);
     for (overflow, changes) in [(1_u32, false), (0, true)] {
-        space.totals.write(gpu, &[9_u32, 9, overflow, 9]);
+        space.buffer("totals").write(gpu, &[9_u32, 9, overflow, 9]);
         let step = StepUniform::new(&config().expect("a config"), 0, 1.0, &CENTERS);
         let mut commands = Commands::new(gpu);
         optimizer.step(gpu, &ctx.optimizer, &groups, &mut commands, (step, 3));
@@ -72,18 +73,17 @@ fn statistics_sum_gradients_and_views_and_keep_the_largest_radius() {
     let optimizer =
         Optimizer::new(gpu, Model::upload(gpu, &start, 3).expect("fits")).expect("fits");
     let space = workspace(&ctx, 3).expect("fits");
-    let backward = space.backward.as_ref().expect("for training");
     let groups = optimizer.bind(gpu, &ctx.optimizer, &space);
-    space.totals.write(gpu, &[0_u32; 4]);
-    backward.d_geometry.write(gpu, &[0.0_f32; 36]);
-    backward.d_color.write(gpu, &[0.0_f32; 24]);
+    space.buffer("totals").write(gpu, &[0_u32; 4]);
+    space.buffer("d_geometry").write(gpu, &[0.0_f32; 36]);
+    space.buffer("d_color").write(gpu, &[0.0_f32; 24]);
     // A radius of 0: not drawn.
     for screen in [
         [[1.0, 0.5], [0.25, 0.125], [3.0, 0.0]],
         [[2.0, 0.25], [0.0, 0.0], [5.0, 0.0]],
     ] {
         let screen: [[f32; 2]; 3] = screen;
-        backward.screen.write(gpu, &screen);
+        space.buffer("screen").write(gpu, &screen);
         let step = StepUniform::new(&config().expect("a config"), 0, 1.0, &CENTERS);
         let mut commands = Commands::new(gpu);
         optimizer.step(gpu, &ctx.optimizer, &groups, &mut commands, (step, 0));

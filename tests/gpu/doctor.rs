@@ -1,5 +1,6 @@
 //! The doctor finds what is planted in the kernels, stage by stage, and says so.
 
+use gspotential::doctor::changes::SetSize;
 use gspotential::doctor::determinism::Repeat;
 use gspotential::doctor::loss::{Kind, LossCase, MaskKind};
 use gspotential::doctor::twin::cases::{cover, huge, random_scene};
@@ -275,7 +276,18 @@ fn findings(ctx: &Context) -> Result<Vec<Finding>> {
     }
     findings.extend(adam::examine(ctx, 1, 2, adam::FROZEN_BEYOND)?.list);
     let plan = changes::random_plan(150, 333, 1);
-    findings.extend(changes::examine_rearrange(ctx, &plan, (150, 180), 1)?.list);
+    findings.extend(
+        changes::examine_rearrange(
+            ctx,
+            &plan,
+            SetSize {
+                n: 150,
+                stride: 180,
+            },
+            1,
+        )?
+        .list,
+    );
     findings.extend(changes::examine_reset(ctx, 70)?.list);
     Ok(findings)
 }

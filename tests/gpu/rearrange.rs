@@ -1,7 +1,7 @@
 //! Carrying out a plan, and the opacity reset.
 
 use gspotential::doctor::changes::{
-    RESET_WITHIN, examine_rearrange, examine_reset, optimizer, random_plan,
+    RESET_WITHIN, SetSize, examine_rearrange, examine_reset, optimizer, random_plan,
 };
 use gspotential::train::policy::Plan;
 
@@ -15,7 +15,7 @@ fn plans_are_carried_out_to_the_bit_at_every_degree() {
         // Fewer, within the room that there is, and more.
         for (i, len) in [40, 170, 333].into_iter().enumerate() {
             let plan = random_plan(n, len, 10 * u64::from(degree) + i as u64);
-            let found = examine_rearrange(&ctx, &plan, (n, stride), degree);
+            let found = examine_rearrange(&ctx, &plan, SetSize { n, stride }, degree);
             assert_findings(&found.expect("the new set fits"));
         }
     }
@@ -23,7 +23,12 @@ fn plans_are_carried_out_to_the_bit_at_every_degree() {
 
 #[test]
 fn a_plan_that_keeps_nothing_leaves_an_empty_set() {
-    let found = examine_rearrange(&context(), &Plan::default(), (20, 20), 1);
+    let found = examine_rearrange(
+        &context(),
+        &Plan::default(),
+        SetSize { n: 20, stride: 20 },
+        1,
+    );
     assert_findings(&found.expect("nothing fits anywhere"));
 }
 

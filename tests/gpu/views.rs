@@ -10,7 +10,7 @@ use gspotential::doctor::twin::tolerance;
 use gspotential::doctor::view::{Bounds, COVERS, NEEDLES, ORDINARY, ViewCase, examine};
 use gspotential::doctor::{Findings, Rig, gaussians_of, stage, view_of};
 use gspotential::gpu::Commands;
-use gspotential::render::{Bound, Capacity, Model, Pass, Workspace};
+use gspotential::render::{Bound, Capacity, Model, Pass, PassStep, Workspace};
 
 use super::rig::{assert_findings, assert_held, context};
 
@@ -168,10 +168,14 @@ fn two_views_of_a_step_add_their_gradients() {
         let (d_rgb, d_alpha) = &weights[slot];
         rig.write_image(&ctx, "d_rendered", d_rgb, d_alpha, 0.0);
         let (space, bound) = (&rig.workspace, &rig.bound);
-        let at = (slot, view);
-        let pass = Pass::new(gpu, &ctx.kernels, space, bound, &rig.model, at, (2, 1));
+        let step = PassStep {
+            slot,
+            sh_degree: 2,
+            number: 1,
+        };
+        let pass = Pass::new(gpu, &ctx.kernels, space, bound, &rig.model, view, step);
         let mut commands = Commands::new(gpu);
-        commands.clear(&space.totals);
+        commands.clear(space.buffer("totals"));
         pass.forward(&mut commands);
         pass.backward(&mut commands);
         commands.submit();

@@ -1,0 +1,232 @@
+//! The buffers of a workspace, each described once: from here they are allocated, found by name for
+//! binding, and counted before there are any.
+
+use super::capacity::Capacity;
+use super::uniforms::{
+    BinUniform, LossUniform, RadixUniform, ScanUniform, SliceUniform, Splat, ViewUniform,
+};
+use crate::gpu::BufferKind;
+use crate::gpu::constants::{
+    DEPTH_BITS, N_TOTALS, RADIX_BITS, RADIX_CHUNK, RADIX_DIGITS, SCAN_CHUNK, SSIM_ROWS, WORKGROUP,
+};
+
+/// What a buffer is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Part {
+    Splats,
+    Pairs,
+    Sorts,
+    Image,
+    Goals,
+    Loss,
+    PairGradients,
+    Gradients,
+    Uniforms,
+}
+
+/// The buffers of one name.
+pub(super) struct Described {
+    pub(super) kind: BufferKind,
+    part: Part,
+    /// Entries of each.
+    pub(super) len: fn(&Capacity) -> usize,
+    /// How many there are.
+    pub(super) copies: fn(&Capacity) -> usize,
+    /// Whether only training needs them.
+    pub(super) trains: bool,
+}
+
+/// Views of a step.
+pub(super) const N_SLOTS: usize = 2;
+
+type F4 = [f32; 4];
+type F2 = [f32; 2];
+type U2 = [u32; 2];
+/// Two entries of a radix sort, which reads two at once.
+type Entries = [u32; 4];
+
+/// Every buffer of a workspace. Uniforms of a step's views come one a slot.
+pub(super) const BUFFERS: &[Described] = &[
+    uniform::<ViewUniform>("view", |_| N_SLOTS),
+    uniform::<LossUniform>("loss", |_| N_SLOTS),
+    uniform::<ScanUniform>("scan_pairs", |_| N_SLOTS),
+    uniform::<ScanUniform>("scan_splat_digits", |_| N_SLOTS),
+    uniform::<ScanUniform>("scan_pair_digits", |_| N_SLOTS),
+    // Slot by slot the passes of the depth sort; the slots share those of the pair sort.
+    uniform::<RadixUniform>("depth_passes", |_| N_SLOTS * N_DEPTH_PASSES as usize),
+    uniform::<RadixUniform>("pair_passes", |c| n_pair_passes(c.tiles) as usize),
+    // Begin of each slice of the lists; none while lists are whole.
+    uniform::<SliceUniform>("slice", n_slices),
+    // To count, and to emit.
+    uniform::<BinUniform>("mode", |_| 2),
+    storage::<u32>("totals", Part::Uniforms, |_| N_TOTALS as usize),
+    // A Gaussian's numbers side by side: a tile's splats lie anywhere, and each then takes one cache
+    // line or two.
+    storage::<Splat>("splats", Part::Splats, |c| c.stride),
+    storage::<U2>("gaussian_pairs", Part::Splats, |c| c.stride),
+    storage::<u32>("splat_pairs", Part::Splats, |c| {
+        c.stride.next_multiple_of(4)
+    }),
+    storage::<u32>("block_sums", Part::Sorts, n_scan_blocks),
+    // Both sorts end in the first of their two halves, or that of pairs in `Workspace::tile_pairs`.
+    storage::<Entries>("depth_order", Part::Sorts, |c| c.stride.div_ceil(2)),
+    storage::<Entries>("depth_order_swap", Part::Sorts, |c| c.stride.div_ceil(2)),
+    storage::<u32>("digit_counts", Part::Sorts, n_digits),
+    storage::<Entries>("pairs", Part::Pairs, |c| c.pairs.div_ceil(2)),
+    storage::<Entries>("pairs_swap", Part::Sorts, |c| c.pairs.div_ceil(2)),
+    storage::<u32>("pair_gaussian", Part::Pairs, |c| c.pairs),
+    storage::<U2>("tile_ranges", Part::Image, |c| c.tiles),
+    storage::<u32>("tile_order", Part::Image, |c| c.tile_slots),
+    // The image until the backward, which in slices keeps its own state here.
+    storage::<F4>("rendered", Part::Image, |c| 4 * c.plane),
+    storage::<Entries>("last_blended", Part::Image, |c| c.plane),
+    Described {
+        copies: |_| N_SLOTS,
+        ..training::<[u32; 4]>("goal", Part::Goals, |c| c.plane)
+    },
+    training::<F4>("moments", Part::Loss, |c| 13 * c.plane),
+    training::<F4>("derivatives", Part::Loss, |c| 9 * c.plane),
+    training::<F4>("d_rendered", Part::Loss, |c| 4 * c.plane),
+    training::<F2>("partials", Part::Loss, |c| n_partials(c.plane)),
+    training::<F2>("block_partials", Part::Loss, |c| n_partials(c.plane)),
+    // Per view of the step: mean L1, mean SSIM.
+    training::<F2>("losses", Part::Loss, |_| N_SLOTS),
+    training::<F4>("d_pair_a", Part::PairGradients, |c| c.pairs),
+    training::<F4>("d_pair_b", Part::PairGradients, |c| c.pairs),
+    training::<f32>("d_pair_c", Part::PairGradients, |c| c.pairs),
+    training::<F4>("d_geometry", Part::Gradients, |c| 3 * c.stride),
+    training::<F4>("d_color", Part::Gradients, |c| N_SLOTS * c.stride),
+    training::<F2>("screen", Part::Gradients, |c| c.stride),
+];
+
+const fn uniform<T>(name: &'static str, copies: fn(&Capacity) -> usize) -> Described {
+    Described {
+        kind: BufferKind::uniform::<T>(name),
+        part: Part::Uniforms,
+        len: |_| 1,
+        copies,
+        trains: false,
+    }
+}
+
+const fn storage<T>(name: &'static str, part: Part, len: fn(&Capacity) -> usize) -> Described {
+    Described {
+        kind: BufferKind::storage::<T>(name),
+        part,
+        len,
+        copies: |_| 1,
+        trains: false,
+    }
+}
+
+const fn training<T>(name: &'static str, part: Part, len: fn(&Capacity) -> usize) -> Described {
+    Described {
+        trains: true,
+        ..storage::<T>(name, part, len)
+    }
+}
+
+/// Bytes of a [`super::Workspace`] for training, by what its buffers are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WorkspaceBytes {
+    /// Projected Gaussians.
+    pub splats: u64,
+    pub pairs: u64,
+    /// Second halves of the sorts' buffers, and counts of digits.
+    pub sorts: u64,
+    /// The render, where each tile's pairs are, and the tiles' order.
+    pub image: u64,
+    pub goals: u64,
+    /// L1 and SSIM, forward and backward.
+    pub loss: u64,
+    pub pair_gradients: u64,
+    pub gradients: u64,
+    pub uniforms: u64,
+}
+
+impl WorkspaceBytes {
+    /// What a workspace of this capacity will take.
+    pub fn of(capacity: Capacity) -> WorkspaceBytes {
+        let bytes = |part: Part| {
+            let own = BUFFERS.iter().filter(|buffer| buffer.part == part);
+            own.map(|buffer| buffer.bytes(&capacity)).sum()
+        };
+        WorkspaceBytes {
+            splats: bytes(Part::Splats),
+            pairs: bytes(Part::Pairs),
+            sorts: bytes(Part::Sorts),
+            image: bytes(Part::Image),
+            goals: bytes(Part::Goals),
+            loss: bytes(Part::Loss),
+            pair_gradients: bytes(Part::PairGradients),
+            gradients: bytes(Part::Gradients),
+            uniforms: bytes(Part::Uniforms),
+        }
+    }
+
+    /// Bytes of all parts.
+    pub fn total(&self) -> u64 {
+        let WorkspaceBytes {
+            splats,
+            pairs,
+            sorts,
+            image,
+            goals,
+            loss,
+            pair_gradients,
+            gradients,
+            uniforms,
+        } = *self;
+        splats + pairs + sorts + image + goals + loss + pair_gradients + gradients + uniforms
+    }
+}
+
+impl Described {
+    /// Bytes of all copies.
+    fn bytes(&self, capacity: &Capacity) -> u64 {
+        (self.copies)(capacity) as u64 * self.kind.bytes((self.len)(capacity))
+    }
+}
+
+/// Counts of the larger radix sort.
+fn n_digits(capacity: &Capacity) -> usize {
+    n_chunks(capacity.stride.max(capacity.pairs)) * RADIX_DIGITS as usize
+}
+
+/// Blocks of the largest scan.
+fn n_scan_blocks(capacity: &Capacity) -> usize {
+    let most = capacity.stride.max(n_digits(capacity));
+    most.div_ceil((SCAN_CHUNK * WORKGROUP) as usize)
+}
+
+/// Slices of the lists, none where they are not sliced.
+fn n_slices(capacity: &Capacity) -> usize {
+    if capacity.slices > 1 {
+        capacity.slices
+    } else {
+        0
+    }
+}
+
+/// Passes of the depth sort.
+pub(super) const N_DEPTH_PASSES: u32 = DEPTH_BITS.div_ceil(RADIX_BITS);
+const _: () = assert!(
+    N_DEPTH_PASSES.is_multiple_of(2),
+    "the sorted splats end in the first buffer"
+);
+
+/// Passes of the sort by tile.
+fn n_pair_passes(n_tiles: usize) -> u32 {
+    let bits = n_tiles.max(2).next_power_of_two().ilog2();
+    bits.div_ceil(RADIX_BITS)
+}
+
+/// Chunks of a radix sort.
+pub(super) fn n_chunks(n: usize) -> usize {
+    n.div_ceil(RADIX_CHUNK as usize)
+}
+
+/// Threads of SSIM's vertical passes over a padded image of `plane` vectors.
+pub(super) fn n_partials(plane: usize) -> usize {
+    3 * plane / SSIM_ROWS as usize
+}
