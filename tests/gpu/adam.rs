@@ -55,7 +55,7 @@ fn a_step_whose_pairs_did_not_fit_changes_nothing() {
         space.buffer("totals").write(gpu, &[9_u32, 9, overflow, 9]);
         let step = StepUniform::new(&config().expect("a config"), 0, 1.0, &CENTERS);
         let mut commands = Commands::new(gpu);
-        optimizer.step(gpu, &ctx.optimizer, &groups, &mut commands, (step, 3));
+        optimizer.step(gpu, &ctx.optimizer, &groups, &mut commands, step, 3);
         commands.submit();
         let after = optimizer.model.download(gpu).expect("readable");
         assert_eq!(after != start, changes);
@@ -86,7 +86,7 @@ fn statistics_sum_gradients_and_views_and_keep_the_largest_radius() {
         space.buffer("screen").write(gpu, &screen);
         let step = StepUniform::new(&config().expect("a config"), 0, 1.0, &CENTERS);
         let mut commands = Commands::new(gpu);
-        optimizer.step(gpu, &ctx.optimizer, &groups, &mut commands, (step, 0));
+        optimizer.step(gpu, &ctx.optimizer, &groups, &mut commands, step, 0);
         commands.submit();
     }
     let statistics = optimizer.gather(gpu).expect("readable").statistics;
