@@ -53,7 +53,7 @@ struct Step {
 @group(0) @binding(4) var<storage, read> source: array<vec4f>;
 @group(0) @binding(5) var<storage, read> d_color: array<vec4f>;
 @group(0) @binding(7) var<storage, read> totals: array<u32>;
-@group(0) @binding(8) var<storage, read> screen: array<OnScreen>;
+@group(0) @binding(8) var<storage, read> screen: array<vec2f>;
 // What densification gathers: sum of `gradient`, number of views drawn in, largest `radius`, 0. They
 // belong to the step that is taken, not to the view: a step that is repeated because its
 // pairs did not fit counts once.
@@ -79,7 +79,7 @@ fn adam_geometry(thread: Thread) {
         let index = plane * step.stride + id;
         update(index, source[index], select(step.geometry_rates[plane], vec4f(0.0), frozen));
     }
-    let seen = screen[id];
+    let seen = on_screen(screen[id]);
     if (seen.radius > 0.0) {
         let old = statistics[id];
         statistics[id] = vec4f(old.x + seen.gradient, old.y + 1.0, max(old.z, seen.radius), 0.0);

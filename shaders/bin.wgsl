@@ -20,12 +20,12 @@ struct Bin {
 @group(0) @binding(1) var<storage, read> splats: array<SplatVectors>;
 // Per splat, front to back: number of tiles (COUNT), then the first pair (EMIT).
 @group(0) @binding(2) var<storage, read_write> splat_pairs: array<u32>;
-@group(0) @binding(4) var<storage, read_write> pairs: array<TilePair>;
+@group(0) @binding(4) var<storage, read_write> pairs: array<vec2u>;
 @group(0) @binding(5) var<storage, read_write> pair_gaussian: array<u32>;
 @group(0) @binding(6) var<storage, read> totals: array<u32>;
 @group(0) @binding(7) var<uniform> mode: Bin;
 // Per Gaussian (EMIT).
-@group(0) @binding(3) var<storage, read_write> gaussian_pairs: array<Range>;
+@group(0) @binding(3) var<storage, read_write> gaussian_pairs: array<vec2u>;
 // Front to back.
 @group(0) @binding(8) var<storage, read> depth_order: array<DepthEntry>;
 
@@ -125,7 +125,7 @@ fn bin(thread: Thread) {
         if (index + 1u < n) {
             last = splat_pairs[index + 1u];
         }
-        gaussian_pairs[depth_order[index].gaussian] = Range(splat_pairs[index], last);
+        gaussian_pairs[depth_order[index].gaussian] = stored_range(Range(splat_pairs[index], last));
     }
     // Emitting, the thread's pairs; counting, all pairs of one splat, and none is written.
     var pair = select(index * EMIT_CHUNK, 0u, counting);
@@ -154,7 +154,7 @@ fn bin(thread: Thread) {
             let first = row * view.tiles.x + span.x;
             // bound: EMIT_CHUNK turns over all rows and splats together.
             for (; pair < stop; pair++) {
-                pairs[pair] = TilePair(first + pair - before, pair);
+                pairs[pair] = stored_tile_pair(TilePair(first + pair - before, pair));
                 pair_gaussian[pair] = id;
             }
             before += span.y;

@@ -15,7 +15,7 @@
 @group(0) @binding(4) var<storage, read> sh_3: array<vec4f>;
 @group(0) @binding(5) var<storage, read_write> splats: array<SplatVectors>;
 
-@group(0) @binding(6) var<storage, read_write> depth_order: array<DepthEntry>;
+@group(0) @binding(6) var<storage, read_write> depth_order: array<vec2u>;
 
 const NOT_DRAWN = 0xffffffffu;
 // Powers of 2 that a distance from the frame's origin may be smaller than the origin's depth, in the
@@ -81,7 +81,7 @@ fn project(thread: Thread) {
     let stride = view.stride;
     let g = gaussian(id);
     splats[id].factor_reach = vec4f(0.0);
-    depth_order[id] = DepthEntry(NOT_DRAWN, id);
+    depth_order[id] = stored_depth_entry(DepthEntry(NOT_DRAWN, id));
     if (is_dropped(view, id, g.mean, g.density)) {
         return;
     }
@@ -145,5 +145,5 @@ fn project(thread: Thread) {
     }
 
     splats[id] = packed(Splat(anchor, t_0, l_xx, l_xy, l_yy, reach, max(color, vec3f(0.0)), opacity));
-    depth_order[id] = DepthEntry(depth_key(o.p), id);
+    depth_order[id] = stored_depth_entry(DepthEntry(depth_key(o.p), id));
 }

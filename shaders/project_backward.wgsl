@@ -19,7 +19,7 @@
 @group(0) @binding(3) var<storage, read> sh_2: array<vec4f>;
 @group(0) @binding(4) var<storage, read> sh_3: array<vec4f>;
 @group(0) @binding(5) var<storage, read> splats: array<SplatVectors>;
-@group(0) @binding(6) var<storage, read> gaussian_pairs: array<Range>;
+@group(0) @binding(6) var<storage, read> gaussian_pairs: array<vec2u>;
 @group(0) @binding(7) var<storage, read> d_pair_a: array<vec4f>;
 @group(0) @binding(8) var<storage, read> d_pair_b: array<vec4f>;
 @group(0) @binding(9) var<storage, read> d_pair_c: array<f32>;
@@ -28,7 +28,7 @@
 // One plane a view of the step: xyz d_color (0 where the colour is clamped at 0).
 @group(0) @binding(11) var<storage, read_write> d_color: array<vec4f>;
 // How the step's first view sees each Gaussian.
-@group(0) @binding(12) var<storage, read_write> screen: array<OnScreen>;
+@group(0) @binding(12) var<storage, read_write> screen: array<vec2f>;
 @group(0) @binding(13) var<storage, read> totals: array<u32>;
 
 const TWO_LN_2 = 1.3862943611198906;
@@ -44,13 +44,13 @@ fn project_backward(thread: Thread) {
     // Always true together with the first part alone; as it stands, no branch depends on uniforms
     // only. Mesa's software driver would compile the kernel anew for every dispatch of such a one.
     let is_first = (slot == 0u) & (id < view.n_gaussians);
-    let range = gaussian_pairs[id];
+    let range = range_of(gaussian_pairs[id]);
     if (range.first == range.end) {
         if (is_first) {
             d_geometry[id] = vec4f(0.0);
             d_geometry[stride + id] = vec4f(0.0);
             d_geometry[2u * stride + id] = vec4f(0.0);
-            screen[id] = OnScreen(0.0, 0.0);
+            screen[id] = stored_on_screen(OnScreen(0.0, 0.0));
         }
         d_color[slot * stride + id] = vec4f(0.0);
         return;
@@ -148,7 +148,7 @@ fn project_backward(thread: Thread) {
         let cov_xy = dot(o.m_x, o.m_y);
         let largest = 0.5 * (cov_xx + cov_yy + length(vec2f(cov_xx - cov_yy, 2.0 * cov_xy)));
         let radius = 3.0 * sqrt(largest) / f32(max(view.size.x, view.size.y));
-        screen[id] = OnScreen(length(d_mean2d * half_size), radius);
+        screen[id] = stored_on_screen(OnScreen(length(d_mean2d * half_size), radius));
     } else {
         d_0 += d_geometry[id];
         d_1 += d_geometry[stride + id];

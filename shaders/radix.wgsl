@@ -1,18 +1,13 @@
-// Makes one pass of a stable radix sort by a digit of RADIX_DIGITS values: count digits by chunk, scan the counts
-// (digit-major), move. One thread a chunk of RADIX_CHUNK entries, which it takes in order: equal
+// Makes one pass of a stable radix sort by a digit of RADIX_DIGITS values: count digits by chunk, scan
+// the counts (digit-major), move. One thread a chunk of RADIX_CHUNK entries, which it takes in order: equal
 // keys keep theirs, so the result is the same on every adapter.
 #import shared/thread
 #import shared/radix
 
-struct Entry {
-    key: u32,
-    value: u32,
-}
-
 @group(0) @binding(0) var<uniform> radix: Radix;
 // Two entries a vector, key and value of each: a software driver loads one as fast as half of it.
 @group(0) @binding(1) var<storage, read> entries_in: array<vec4u>;
-@group(0) @binding(2) var<storage, read_write> entries_out: array<Entry>;
+@group(0) @binding(2) var<storage, read_write> entries_out: array<vec2u>;
 // Entry digit * n_chunks + chunk.
 @group(0) @binding(3) var<storage, read_write> digit_counts: array<u32>;
 @group(0) @binding(4) var<storage, read> totals: array<u32>;
@@ -69,10 +64,10 @@ fn radix_move(thread: Thread) {
     for (var i = first; i < end; i += 2u) {
         let entries = entries_in[i / 2u];
         let digits = (entries.xz >> vec2u(radix.shift)) & vec2u(RADIX_DIGITS - 1u);
-        entries_out[digit_counts[digits.x * n_chunks + chunk] + counter(counters, digits.x)] = Entry(entries.x, entries.y);
+        entries_out[digit_counts[digits.x * n_chunks + chunk] + counter(counters, digits.x)] = entries.xy;
         counters += one(digits.x);
         if (i + 1u < end) {
-            entries_out[digit_counts[digits.y * n_chunks + chunk] + counter(counters, digits.y)] = Entry(entries.z, entries.w);
+            entries_out[digit_counts[digits.y * n_chunks + chunk] + counter(counters, digits.y)] = entries.zw;
             counters += one(digits.y);
         }
     }

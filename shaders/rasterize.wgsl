@@ -9,7 +9,7 @@
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> splats: array<SplatVectors>;
-@group(0) @binding(2) var<storage, read> tile_ranges: array<Range>;
+@group(0) @binding(2) var<storage, read> tile_ranges: array<vec2u>;
 @group(0) @binding(8) var<storage, read> tile_order: array<u32>;
 @group(0) @binding(3) var<storage, read> tile_pairs: array<TilePair>;
 @group(0) @binding(7) var<storage, read> pair_gaussian: array<u32>;
@@ -58,7 +58,7 @@ fn composite(thread: u32, slice_first: u32, sliced: bool) {
     transmittance_{r} = vec4f(1.0);
     #end
 
-    let range = tile_ranges[tile];
+    let range = range_of(tile_ranges[tile]);
     var first = range.first;
     var end = range.end;
     if (sliced) {

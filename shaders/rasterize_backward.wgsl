@@ -11,7 +11,7 @@
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> splats: array<SplatVectors>;
-@group(0) @binding(2) var<storage, read> tile_ranges: array<Range>;
+@group(0) @binding(2) var<storage, read> tile_ranges: array<vec2u>;
 @group(0) @binding(12) var<storage, read> tile_order: array<u32>;
 @group(0) @binding(3) var<storage, read> tile_pairs: array<TilePair>;
 @group(0) @binding(11) var<storage, read> pair_gaussian: array<u32>;
@@ -82,7 +82,7 @@ fn carry_back(thread: u32, slice_first: u32, sliced: bool) {
     }
     #end
 
-    let range = tile_ranges[tile];
+    let range = range_of(tile_ranges[tile]);
     var end = range.end;
     // Entries blended in front of the slice, and in the slice and in front of it.
     var n_before = 0u;

@@ -1,4 +1,5 @@
-// The sorts order entries of a key and what it belongs to; here they have each sort's own names.
+// The sorts order entries of a key and what it belongs to; here they have each sort's own names. They
+// are stored as vectors: a software driver stores and loads one as fast as one number.
 struct DepthEntry {
     // Orders as depths do; NOT_DRAWN behind all.
     key: u32,
@@ -14,4 +15,20 @@ struct TilePair {
 struct Range {
     first: u32,
     end: u32,
+}
+
+fn stored_depth_entry(e: DepthEntry) -> vec2u {
+    return vec2u(e.key, e.gaussian);
+}
+
+fn stored_tile_pair(p: TilePair) -> vec2u {
+    return vec2u(p.tile, p.pair);
+}
+
+fn stored_range(r: Range) -> vec2u {
+    return vec2u(r.first, r.end);
+}
+
+fn range_of(v: vec2u) -> Range {
+    return Range(v.x, v.y);
 }

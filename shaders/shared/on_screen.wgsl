@@ -5,3 +5,11 @@ struct OnScreen {
     // Radius as a share of the image's longer side; 0: not drawn.
     radius: f32,
 }
+
+fn stored_on_screen(s: OnScreen) -> vec2f {
+    return vec2f(s.gradient, s.radius);
+}
+
+fn on_screen(v: vec2f) -> OnScreen {
+    return OnScreen(v.x, v.y);
+}
