@@ -87,7 +87,7 @@ fn presets_are_listed_with_their_differences() {
         "{text}"
     );
     let text = stdout(folder.path(), "presets --keys");
-    assert!(text.contains("| loss.ssim_weight"), "{text}");
+    assert!(text.contains("- `loss.ssim_weight` = 0.2"), "{text}");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use crate::config::{Key, PRESETS, keys, summary};
+use crate::config::{Key, PRESETS, keys, reference, summary};
 use crate::error::Result;
 use crate::terminal::Table;
 
@@ -22,15 +22,14 @@ pub struct PresetsArgs {
 
 impl PresetsArgs {
     pub fn run(self) -> Result<()> {
-        let keys = keys()?;
         let shown = if self.keys {
-            key_table(&keys).to_string()
+            reference()?
         } else {
             let mut presets = Table::with_text(2, &["preset", "what"]);
             for (name, _) in PRESETS {
                 presets.row(&[(*name).to_owned(), summary(name).to_owned()]);
             }
-            format!("{presets}\n{}", difference_table(&keys))
+            format!("{presets}\n{}", difference_table(&keys()?))
         };
         super::print(&shown)
     }
@@ -45,23 +44,6 @@ fn difference_table(keys: &[Key]) -> Table {
         let values = key.values.iter().map(ToString::to_string);
         let row: Vec<String> = std::iter::once(key.key.clone()).chain(values).collect();
         table.row(&row);
-    }
-    table
-}
-
-fn key_table(keys: &[Key]) -> Table {
-    let default = format!("`{}`, and others", PRESETS[0].0);
-    let mut table = Table::with_text(3, &["key", &default, "what"]);
-    for key in keys {
-        let mut value = key.values[0].to_string();
-        if key.differs() {
-            for ((name, _), other) in PRESETS.iter().zip(&key.values) {
-                if *other != key.values[0] {
-                    value += &format!("; `{name}` {other}");
-                }
-            }
-        }
-        table.row(&[key.key.clone(), value, key.doc.clone()]);
     }
     table
 }

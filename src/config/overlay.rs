@@ -1,7 +1,6 @@
-//! Where a config comes from: a preset, overlaid by a file, overlaid by `key=value` settings.
+//! A config is a preset, overlaid by a file, overlaid by `key=value` settings.
 //!
-//! A config is edited as JSON, because a preset states every value: what the preset does not
-//! have is an unknown key. Each new value is checked against the schema the moment it is set,
+//! A config is edited as JSON: what the declared config does not have is an unknown key. Each new value is checked against the schema the moment it is set,
 //! so that the error names its key.
 
 use std::path::Path;
@@ -12,8 +11,8 @@ use super::Config;
 use crate::error::{Error, Result, did_you_mean};
 use crate::files::read_file;
 
-/// Name and text of every preset; the first is the default. `fast` and those of the
-/// ablation state what they change and from what, the others every value.
+/// Name of every preset and what it changes, in JSON, of the one under its `"preset"`, or of the
+/// declared defaults; the first is the default of the command.
 ///
 /// Sources, choices and deviations: `configs/README.md`.
 pub const PRESETS: &[(&str, &str)] = &[
@@ -22,7 +21,8 @@ pub const PRESETS: &[(&str, &str)] = &[
         include_str!("../../configs/gspotential.json"),
     ),
     ("fast", include_str!("../../configs/fast.json")),
-    ("paper", include_str!("../../configs/paper.json")),
+    // The declared defaults.
+    ("paper", "{}"),
     ("3dgs", include_str!("../../configs/3dgs.json")),
     (
         "instantsplat",
@@ -67,19 +67,13 @@ impl Config {
                 ),
             );
         };
-        let config = serde_json::from_str::<Value>(text)
-            .map_err(|e| Error::usage(e.to_string()))
-            .and_then(|tree| {
-                if tree["preset"] == name {
-                    serde_json::from_value(tree).map_err(|e| Error::usage(e.to_string()))
-                } else {
-                    Ok(Config {
-                        preset: name.to_owned(),
-                        ..Self::from_overlay(text.as_bytes())?
-                    })
-                }
-            });
-        config.map_err(|e| e.at(format!("preset `{name}`")))
+        let config = Config::overlay_of(text.as_bytes(), || Ok(Config::default()));
+        config
+            .map(|config| Config {
+                preset: name.to_owned(),
+                ..config
+            })
+            .map_err(|e| e.at(format!("preset `{name}`")))
     }
 
     /// The config of a file: a JSON object that states what it changes and, under `"preset"`,
@@ -87,10 +81,11 @@ impl Config {
     /// The values' ranges are left to [`Config::validate`].
     pub fn from_file(path: &Path) -> Result<Config> {
         let bytes = read_file(path)?;
-        Self::from_overlay(&bytes).map_err(|e| e.at_path(path))
+        Self::overlay_of(&bytes, || Config::preset(PRESETS[0].0)).map_err(|e| e.at_path(path))
     }
 
-    fn from_overlay(bytes: &[u8]) -> Result<Config> {
+    /// The config that `bytes`, a JSON object, makes of the preset that it names, or of `unnamed`.
+    fn overlay_of(bytes: &[u8], unnamed: impl FnOnce() -> Result<Config>) -> Result<Config> {
         let overlay: Value = serde_json::from_slice(bytes)
             .map_err(|e| Error::usage(format!("not valid JSON: {e}")))?;
         let Value::Object(mut overlay) = overlay else {
@@ -98,7 +93,7 @@ impl Config {
                 .way_out("write for example {\"preset\": \"paper\", \"iterations\": 3000}"));
         };
         let config = match overlay.remove("preset") {
-            None => Config::preset(PRESETS[0].0)?,
+            None => unnamed()?,
             Some(Value::String(name)) => Config::preset(&name)?,
             Some(other) => {
                 return Err(Error::usage(format!(
@@ -256,7 +251,7 @@ fn list_keys(tree: &Value, prefix: &str, keys: &mut Vec<String>) {
 }
 
 /// JSON pointer of a dotted key; that of the empty key is the whole.
-fn pointer(key: &str) -> String {
+pub(super) fn pointer(key: &str) -> String {
     if key.is_empty() {
         String::new()
     } else {

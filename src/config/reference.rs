@@ -1,10 +1,12 @@
-//! The reference of all keys, from the schema's own documentation.
+//! The reference of all keys, from their declaration.
 
-use schemars::generate::SchemaSettings;
+use std::fmt::Write as _;
+
 use serde_json::Value;
 
 use super::Config;
-use super::overlay::PRESETS;
+use super::declare::{Allowed, Entry, Rule};
+use super::overlay::{PRESETS, pointer};
 use crate::error::{Error, Result};
 
 /// A key of the config.
@@ -14,6 +16,12 @@ pub struct Key {
     pub key: String,
     /// What it means, one line.
     pub doc: String,
+    /// What it may be, its unit and its place in the paper.
+    pub rule: Rule,
+    /// The words that it may be; empty for what is no word.
+    pub choices: &'static [&'static str],
+    /// Whether it may be null.
+    pub nullable: bool,
     /// Its value in each of [`PRESETS`].
     pub values: Vec<Value>,
 }
@@ -52,40 +60,97 @@ pub fn summary(preset: &str) -> &'static str {
     }
 }
 
-/// Every key, sorted by name within its section.
+/// Every key in the order of its declaration.
 ///
 /// # Errors
 /// A preset that is no config.
 pub fn keys() -> Result<Vec<Key>> {
-    let mut settings = SchemaSettings::default();
-    settings.inline_subschemas = true;
-    let schema = settings.into_generator().into_root_schema_for::<Config>();
     let presets = PRESETS
         .iter()
         .map(|(name, _)| Config::preset(name)?.tree())
         .collect::<Result<Vec<Value>>>()?;
-    let mut keys = Vec::new();
-    collect(schema.as_value(), &presets, "", &mut keys)?;
-    Ok(keys)
+    let entries = Config::default().entries().into_iter();
+    entries
+        .filter(|entry| !entry.is_section)
+        .map(|entry| key(entry, &presets))
+        .collect()
 }
 
-fn collect(schema: &Value, values: &[Value], prefix: &str, keys: &mut Vec<Key>) -> Result<()> {
-    let Value::Object(properties) = &schema["properties"] else {
-        return Err(Error::new(format!("config: `{prefix}` has no keys")));
-    };
-    for (name, property) in properties {
-        let of_name: Vec<Value> = values.iter().map(|value| value[name].clone()).collect();
-        let key = format!("{prefix}{name}");
-        if property["properties"].is_object() {
-            collect(property, &of_name, &format!("{key}."), keys)?;
-            continue;
-        }
-        let doc = property["description"].as_str().unwrap_or_default();
-        keys.push(Key {
-            doc: doc.split_whitespace().collect::<Vec<_>>().join(" "),
-            values: of_name,
-            key,
-        });
+fn key(entry: Entry, presets: &[Value]) -> Result<Key> {
+    let values = presets
+        .iter()
+        .map(|preset| preset.pointer(&pointer(&entry.key)).cloned());
+    let values = values.collect::<Option<Vec<Value>>>();
+    Ok(Key {
+        values: values.ok_or_else(|| Error::new(format!("config: `{}` is nowhere", entry.key)))?,
+        key: entry.key,
+        doc: entry.doc,
+        rule: entry.rule,
+        choices: entry.choices,
+        nullable: entry.nullable,
+    })
+}
+
+/// Every key with its values in the presets, its meaning, unit, range and place in the paper: a
+/// list in Markdown under a heading for each section.
+///
+/// # Errors
+/// A preset that is no config.
+pub fn reference() -> Result<String> {
+    let mut keys = keys()?.into_iter();
+    let mut text = String::new();
+    for entry in Config::default().entries() {
+        // Writing to a string cannot fail.
+        let _ = if entry.is_section {
+            writeln!(text, "\n### `{}`\n\n{}\n", entry.key, entry.doc)
+        } else {
+            let key = keys
+                .next()
+                .ok_or_else(|| Error::new("config: a key is missing"))?;
+            writeln!(text, "- {}", line(&key))
+        };
     }
-    Ok(())
+    Ok(text)
+}
+
+/// How many presets with one value are named; more are "all others".
+const MOST_NAMED: usize = 3;
+
+/// `` `key` = value, other in `preset`. What it means. Unit: R. Allowed: 0 to 1. Paper: Eq. 1.``
+fn line(key: &Key) -> String {
+    let mut line = format!("`{}` = {}", key.key, key.values[0]);
+    if key.differs() {
+        let mut groups: Vec<(&Value, Vec<&str>)> = Vec::new();
+        for ((name, _), value) in PRESETS.iter().zip(&key.values) {
+            match groups.iter_mut().find(|(of, _)| *of == value) {
+                Some((_, names)) => names.push(name),
+                None => groups.push((value, vec![name])),
+            }
+        }
+        groups.remove(0);
+        groups.sort_by_key(|(_, names)| names.len());
+        let largest = groups.len() - 1;
+        for (i, (value, names)) in groups.iter().enumerate() {
+            let names: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+            line += &match names.len() {
+                n if n > MOST_NAMED && i == largest => format!(", {value} in all others"),
+                _ => format!(", {value} in {}", names.join(" and ")),
+            };
+        }
+    }
+    line += &format!(". {}", key.doc);
+    let mut add = |what: &str, text: &str| {
+        if !text.is_empty() {
+            line += &format!(" {what}: {text}.");
+        }
+    };
+    add("Unit", key.rule.unit);
+    let choices: Vec<String> = key.choices.iter().map(|word| format!("`{word}`")).collect();
+    add("Choices", &choices.join(", "));
+    if key.rule.allowed != Allowed::Any {
+        let null = if key.nullable { "null, or " } else { "" };
+        add("Allowed", &format!("{null}{}", key.rule.allowed));
+    }
+    add("Paper", key.rule.paper);
+    line
 }
