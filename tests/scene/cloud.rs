@@ -294,7 +294,7 @@ fn a_random_cloud_fills_the_box_of_the_cloud_without_its_outliers() {
     for axis in 0..3 {
         let mut values: Vec<f64> = random.positions.iter().map(|p| p[axis]).collect();
         values.sort_by(f64::total_cmp);
-        // Of 2,000 uniform ones the k-th is within 3.5 standard deviations of its expectation.
+        // The k-th of 2,000 uniform ones is within 3.5 standard deviations of its expectation.
         assert!(values[0] >= 19.0 && values[2000] <= 1981.0, "{values:?}");
         for k in [200, 1000, 1800] {
             let expected = 20.0 + 1960.0 * k as f64 / 2000.0;

@@ -29,7 +29,7 @@ pub fn names(views: &[View]) -> Vec<&str> {
     views.iter().map(|v| v.camera.name.as_str()).collect()
 }
 
-/// Where a point falls, pixels.
+/// The pixel that a point falls on.
 pub fn project(camera: &Camera, p: DVec3) -> DVec2 {
     let p = camera.rotation * p + camera.translation;
     DVec2::new(

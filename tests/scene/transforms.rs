@@ -307,7 +307,7 @@ fn what_python_writes_for_no_number_harms_nothing_else() {
     let path = folder.path().join("transforms.json");
     let plain = std::fs::read_to_string(&path).expect("a file");
     let whole = folder.scene();
-    // Where nothing is read, and in a string.
+    // Beside what is read, and in a string, nothing changes.
     let beside = plain.replacen(
         '{',
         "{\"sharpness\": NaN, \"NaN \\\" Infinity\": -Infinity,",
