@@ -17,8 +17,8 @@ use gspotential::config::Config;
 use gspotential::error::{Error, Result};
 use gspotential::eval::EvalOptions;
 use gspotential::gpu::Gpu;
-use gspotential::pipeline::{Clock, TrainJob, train};
-use gspotential::run::{RunDir, Seconds, Stop};
+use gspotential::pipeline::{SoFar, TrainJob, train};
+use gspotential::run::{RunDir, Stop};
 use gspotential::scene::SceneSource;
 use gspotential::terminal::Table;
 
@@ -61,9 +61,16 @@ fn main() -> Result<()> {
     let begin = Instant::now();
     let (trained, samples) = std::thread::scope(|scope| {
         let watch = scope.spawn(|| watch(&gpu, begin, &done));
-        let so_far = (Clock::start(), Seconds::default());
         let options = EvalOptions::default();
-        let trained = train(&gpu, &scene, &job, so_far, &options, &run, &Stop::unheard());
+        let trained = train(
+            &gpu,
+            &scene,
+            &job,
+            SoFar::default(),
+            &options,
+            &run,
+            &Stop::unheard(),
+        );
         done.store(true, Ordering::Relaxed);
         (trained, watch.join())
     });

@@ -9,7 +9,7 @@ use super::dry_run;
 use super::measure::MeasureArgs;
 use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
-use crate::pipeline::{self, PriorOptions, Resumed, TrainJob};
+use crate::pipeline::{self, GoOn, PriorOptions, Resumed, TrainJob};
 use crate::report::{evaluation_table, profile_tables};
 use crate::run::{Evaluation, RunDir};
 use crate::scene::{CloudSource, SceneSource};
@@ -134,7 +134,10 @@ impl TrainArgs {
     pub fn run(mut self) -> Result<()> {
         let checkpoint_every = self.checkpoint_every.map(NonZeroU32::get);
         if let Some(root) = &self.resume {
-            let how = (checkpoint_every, self.profile);
+            let how = GoOn {
+                checkpoint_every,
+                profile: self.profile,
+            };
             return match TrainJob::resume(root, how, &self.measure.options()?)? {
                 Resumed {
                     run,

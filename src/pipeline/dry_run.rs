@@ -34,7 +34,7 @@ pub struct DryRun {
     pub prepare_s: f64,
     /// Measured over the first iterations.
     pub iteration_s: f64,
-    /// Of the cloud and the training views.
+    /// How cloud and training views agree.
     pub agreement: Agreement,
     /// Predicted.
     pub memory: Forecast,

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::align;
 use super::job::cloud_of;
-use super::measure::{Clouds, Seen, measure, measured};
+use super::measure::{Clouds, Seen, Subject, measure, measured};
 use super::moved::check_same;
 use super::prepare::carved;
 use super::{TrainJob, focus_of};
@@ -18,7 +18,7 @@ use crate::scene::PoseProtocol;
 use crate::scene::SceneSource;
 
 /// The evaluation that `run` holds, where it is that of its model, config and scene as they are
-/// now, by this version, as `options` ask. Where they ask for no LPIPS it may have one. A scene
+/// now, by this version, as `options` ask. It may have an LPIPS that they do not ask for. A scene
 /// that is not there any more could not be measured again and counts as unchanged.
 ///
 /// # Errors
@@ -101,17 +101,25 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
     let gpu = Gpu::open()?;
     let kernels = Kernels::new(&gpu);
     let device = (&gpu, &kernels);
-    let what = (run, options, stamp, options.align.protocol(protocol));
-    let own = Seen {
-        views: &scene.test,
-        frame: &frame,
-    };
     let aligned = match options.align {
         Alignment::Shared => None,
         _ => Some(align::by_similarity(run, &scene, &frame)?),
     };
-    let train_s = metrics.seconds.train;
-    let evaluation = measure(device, (own, clouds), aligned, &config, what, train_s)?;
+    let subject = Subject {
+        run,
+        config: &config,
+        options,
+        own: Seen {
+            views: &scene.test,
+            frame: &frame,
+        },
+        clouds,
+        aligned,
+        scene_stamp: stamp,
+        pose_protocol: options.align.protocol(protocol),
+        train_s: metrics.seconds.train,
+    };
+    let evaluation = measure(device, subject)?;
     write_run_page(run, &scene.test, &frame)?;
     Ok(evaluation)
 }

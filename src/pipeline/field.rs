@@ -61,7 +61,7 @@ pub struct Uncovered {
     pub worst_value: f64,
 }
 
-/// Where one more photograph leaves the least uncovered.
+/// The place of one more photograph that leaves the least uncovered.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Advice {
     pub place: Place,

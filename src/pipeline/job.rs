@@ -17,7 +17,7 @@ pub struct TrainJob {
     /// Names; otherwise the scene's own split.
     pub train_views: Option<Vec<String>>,
     pub test_views: Option<Vec<String>>,
-    /// Otherwise the scene's own.
+    /// The cloud to take; None: the scene's own.
     pub cloud: Option<CloudSource>,
     pub config: Config,
     /// Iterations between two points of the curve in `metrics.json`; otherwise it has none.

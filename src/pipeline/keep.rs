@@ -13,7 +13,7 @@ use crate::run::{CurvePoint, Found, RunDir, Stop};
 use crate::scene::Scene;
 use crate::train::{State, Trainer, fingerprint};
 
-/// Where no number of iterations is stated: least time between two checkpoints, and the least
+/// Default spacing of checkpoints: the least time between two, and the least
 /// multiple of what the last one took.
 const INTERVAL: Duration = Duration::from_secs(60);
 const COST_MULTIPLE: u32 = 50;

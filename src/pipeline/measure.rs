@@ -31,21 +31,36 @@ pub(super) struct Clouds<'a> {
     pub used: &'a PointCloud,
 }
 
-/// Measures the model in `run` and the bare splat of the cloud at the scene's test views and writes
-/// what it finds. The model is seen from the views as `aligned` where it does not share their frame.
-pub(super) fn measure(
-    device: (&Gpu, &Kernels),
-    (own, clouds): (Seen<'_>, Clouds<'_>),
-    aligned: Option<Aligned>,
-    config: &Config,
-    (run, options, scene_stamp, pose_protocol): (
-        &RunDir,
-        &EvalOptions,
-        Option<String>,
-        PoseProtocol,
-    ),
-    train_s: Option<f64>,
-) -> Result<Evaluation> {
+/// A run to be measured, and what it is measured against.
+pub(super) struct Subject<'a> {
+    pub run: &'a RunDir,
+    pub config: &'a Config,
+    pub options: &'a EvalOptions,
+    /// The scene's test views.
+    pub own: Seen<'a>,
+    pub clouds: Clouds<'a>,
+    /// The views as the model is seen from, if it does not share their frame.
+    pub aligned: Option<Aligned>,
+    /// Stamp of the scene's files when they were loaded.
+    pub scene_stamp: Option<String>,
+    pub pose_protocol: PoseProtocol,
+    pub train_s: Option<f64>,
+}
+
+/// Measures the model of a run and the bare splat of the cloud at the scene's test views and writes
+/// what it finds.
+pub(super) fn measure(device: (&Gpu, &Kernels), subject: Subject<'_>) -> Result<Evaluation> {
+    let Subject {
+        run,
+        config,
+        options,
+        own,
+        clouds,
+        aligned,
+        scene_stamp,
+        pose_protocol,
+        train_s,
+    } = subject;
     // The file, not the model in memory: what is measured is what others will open.
     let stored = read_ply(&run.point_cloud())?;
     let frame = aligned.as_ref().map_or(own.frame, |a| &a.frame);

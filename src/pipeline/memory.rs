@@ -21,7 +21,7 @@ pub struct Forecast {
 }
 
 impl Forecast {
-    /// Of training `prepared` as `config` says, whose cap on Gaussians the adapter can hold.
+    /// Predicts training `prepared` as `config` says, whose cap on Gaussians the adapter can hold.
     pub fn new(gpu: &Gpu, scene: &Scene, prepared: &Prepared, config: &Config) -> Forecast {
         let Prepared {
             supervision, start, ..

@@ -27,8 +27,8 @@ pub use memory::Forecast;
 pub use photographs::{PriorOptions, cloud_of_scene, scene_of_photographs};
 pub use prepare::{Prepared, n_start, prepare};
 pub use render::render;
-pub use start::Resumed;
-pub use train::train;
+pub use start::{GoOn, Resumed};
+pub use train::{SoFar, train};
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -44,7 +44,7 @@ pub struct RenderJob {
     /// A Gaussian PLY file.
     pub model: PathBuf,
     pub cameras: CameraSource,
-    /// Otherwise a scene's test views, or every camera of a file.
+    /// The views to render; None: a scene's test views, or every camera of a file.
     pub views: Option<ViewSelection>,
     pub out: PathBuf,
     pub format: RenderFormat,
@@ -54,7 +54,7 @@ pub struct RenderJob {
     pub alpha: bool,
 }
 
-/// Where `render` takes its cameras from.
+/// What `render` takes its cameras from.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraSource {
     Scene(SceneSource),

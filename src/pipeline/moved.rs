@@ -11,7 +11,7 @@ use crate::scene::Scene;
 const TURN_RAD: f64 = 1e-5;
 /// In shares of the sphere's radius.
 const SHIFT: f64 = 1e-5;
-/// Of focal lengths and the principal point, in shares of the image's longer side.
+/// Tolerance of focal lengths and the principal point, in shares of the image's longer side.
 const LENS: f64 = 1e-5;
 
 /// Holds the scene against what the run wrote of its own: the views' names were looked up when it

@@ -25,7 +25,7 @@ pub(super) struct Sampler {
 }
 
 impl Sampler {
-    /// Of a run of `iterations` iterations that begins after `before` of them, now.
+    /// Samples a run of `iterations` iterations that begins after `before` of them, now.
     pub(super) fn new(gpu: &Gpu, before: u32, iterations: u32) -> Sampler {
         Sampler {
             profile: Profile::new(gpu),
@@ -44,7 +44,7 @@ impl Sampler {
 
     pub(super) fn profile(&mut self) -> Option<&mut Profile> {
         let profile = self.profile.as_mut()?;
-        // Of an iteration that has to be repeated, nothing is taken.
+        // An iteration that has to be repeated gives no sample.
         profile.clear();
         Some(profile)
     }

@@ -2,14 +2,13 @@
 
 use std::path::Path;
 
-use super::Clock;
 use super::job::TrainJob;
-use super::train::train;
+use super::train::{SoFar, train};
 use crate::cloud::agreement::Agreement;
 use crate::error::Result;
 use crate::eval::EvalOptions;
 use crate::gpu::Gpu;
-use crate::run::{Evaluation, RunDir, Seconds, Stop};
+use crate::run::{Evaluation, RunDir, Stop};
 use crate::scene::Scene;
 
 impl TrainJob {
@@ -24,34 +23,28 @@ impl TrainJob {
         overwrite: bool,
         options: &EvalOptions,
     ) -> Result<(RunDir, Evaluation)> {
-        let (mut clock, mut seconds) = (Clock::start(), Seconds::default());
+        let mut so_far = SoFar::default();
         RunDir::check(out, overwrite)?;
         // Before anything takes time or is written: a machine without an adapter is told at once,
         // and the same command works once it has one.
         let gpu = open_gpu()?;
-        seconds.open = Some(clock.lap());
+        so_far.seconds.open = Some(so_far.clock.lap());
         let scene = announced(self.load()?)?;
-        seconds.load = Some(clock.lap());
+        so_far.seconds.load = Some(so_far.clock.lap());
         options.check(&scene.test)?;
         let run = RunDir::create(out, &self.config, overwrite)?;
         let stop = Stop::on_signals()?;
-        let so_far = (clock, seconds);
         let evaluation = train(&gpu, &scene, self, so_far, options, &run, &stop)?;
         Ok((run, evaluation))
     }
 
-    /// Goes on with the run in `root` where it was stopped, measures it as `options` say;
-    /// `checkpoint_every` replaces what it was started with, and `profile` asks for `profile.json`.
+    /// Goes on with the run in `root` as `how` says, and measures it as `options` say.
     ///
     /// # Errors
     /// No run, another process at work on it, a scene or config that is not what it was, and
     /// anything that fails on the way.
-    pub fn resume(
-        root: &Path,
-        (checkpoint_every, profile): (Option<u32>, bool),
-        options: &EvalOptions,
-    ) -> Result<Resumed> {
-        let (mut clock, mut seconds) = (Clock::start(), Seconds::default());
+    pub fn resume(root: &Path, how: GoOn, options: &EvalOptions) -> Result<Resumed> {
+        let mut so_far = SoFar::default();
         let run = RunDir::claim(root)?;
         if run.is_finished() {
             run.checkpoints().clear()?;
@@ -62,23 +55,31 @@ impl TrainJob {
         }
         let record = run.job()?;
         let gpu = open_gpu()?;
-        seconds.open = Some(clock.lap());
+        so_far.seconds.open = Some(so_far.clock.lap());
         let job = TrainJob {
             eval_every: record.eval_every,
-            checkpoint_every: checkpoint_every.or(record.checkpoint_every),
-            profile,
+            checkpoint_every: how.checkpoint_every.or(record.checkpoint_every),
+            profile: how.profile,
             ..Self::recorded(&record.scene, run.config()?)?
         };
         let scene = announced(job.load_again()?)?;
-        seconds.load = Some(clock.lap());
+        so_far.seconds.load = Some(so_far.clock.lap());
         let stop = Stop::on_signals()?;
-        let so_far = (clock, seconds);
         let evaluation = train(&gpu, &scene, &job, so_far, options, &run, &stop)?;
         Ok(Resumed {
             run,
             evaluation: Some(evaluation),
         })
     }
+}
+
+/// How a run is gone on with.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct GoOn {
+    /// Iterations between two checkpoints, in place of what the run was started with.
+    pub checkpoint_every: Option<u32>,
+    /// Whether `profile.json` is written.
+    pub profile: bool,
 }
 
 /// What [`TrainJob::resume`] did.

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::job::record;
 use super::keep::{Identity, Keeper, Log};
-use super::measure::{Clouds, Seen, measure};
+use super::measure::{Clouds, Seen, Subject, measure};
 use super::profile::Sampler;
 use super::watch::{Curve, Watch, curve_point};
 use super::{Clock, Forecast, Prepared, TrainJob, cameras, prepare};
@@ -27,20 +27,33 @@ use crate::scene::{Image, PointCloud, Scene};
 use crate::terminal::progress::Progress;
 use crate::train::{PlanRecord, Trained, Trainer, TrainingView};
 
+/// Time that a command has taken before training; the default is one that begins now.
+#[derive(Default)]
+pub struct SoFar {
+    /// Runs since the command began.
+    pub clock: Clock,
+    /// What its stages took.
+    pub seconds: Seconds,
+}
+
 /// Trains on `scene`, which is `job`'s, evaluates at its test views as `options` say and writes all
-/// into `run`; `clock` runs since the command, and `seconds` are what it took so far. Goes on from the run's newest checkpoint, where
-/// there is one, and once more from there where the device is lost on the way.
+/// into `run`. Goes on from the run's newest checkpoint if there is one, and once more from there if
+/// the device is lost on the way.
 pub fn train(
     gpu: &Gpu,
     scene: &Scene,
     job: &TrainJob,
-    (mut clock, mut seconds): (Clock, Seconds),
+    so_far: SoFar,
     options: &EvalOptions,
     run: &RunDir,
     stop: &Stop,
 ) -> Result<Evaluation> {
+    let SoFar {
+        mut clock,
+        mut seconds,
+    } = so_far;
     options.check(&scene.test)?;
-    // Of the files as they are now: a mask that is drawn while training runs was not loaded.
+    // The stamp is that of the files as they are now: a mask drawn while training runs was not loaded.
     let stamp = job.source.stamp(job.cloud.as_ref());
     run.write_job(&JobRecord {
         scene: record(scene, job),
@@ -115,7 +128,7 @@ struct Task<'a> {
     config: Config,
     prepared: Prepared,
     options: &'a EvalOptions,
-    /// Of the scene's files when they were loaded.
+    /// Stamp of the scene's files when they were loaded.
     stamp: Option<String>,
     run: &'a RunDir,
     stop: &'a Stop,
@@ -153,16 +166,24 @@ impl Task<'_> {
         seconds.write = Some(clock.lap());
         let (config, frame) = (&job.config, &prepared.frame);
         let device = (gpu, &kernels);
-        let own = Seen {
-            views: &scene.test,
-            frame,
+        let subject = Subject {
+            run,
+            config,
+            options: self.options,
+            own: Seen {
+                views: &scene.test,
+                frame,
+            },
+            clouds: Clouds {
+                whole: &scene.cloud,
+                used: self.cloud(),
+            },
+            aligned: None,
+            scene_stamp: self.stamp.clone(),
+            pose_protocol: scene.pose_protocol,
+            train_s: seconds.train,
         };
-        let clouds = Clouds {
-            whole: &scene.cloud,
-            used: self.cloud(),
-        };
-        let what = (*run, self.options, self.stamp.clone(), scene.pose_protocol);
-        let evaluation = measure(device, (own, clouds), None, config, what, seconds.train)?;
+        let evaluation = measure(device, subject)?;
         seconds.eval = Some(clock.lap() + log.curve_s);
         let mut curve = log.curve;
         if job.eval_every.is_some() {

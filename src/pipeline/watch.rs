@@ -23,7 +23,7 @@ pub(super) struct Watch<'a> {
     pub(super) progress: Progress,
     pub(super) curve: Option<Curve<'a>>,
     pub(super) keeper: Keeper<'a>,
-    /// Where the run is profiled.
+    /// What samples a profiled run; None in others.
     pub(super) sampler: Option<Sampler>,
     /// Training and curve before `clock`.
     pub(super) before_s: f64,

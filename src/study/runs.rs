@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::plan::{Options, Variant};
 use crate::error::{Error, ErrorKind, Result};
 use crate::eval::EvalOptions;
-use crate::pipeline::{self, TrainJob};
+use crate::pipeline::{self, GoOn, TrainJob};
 use crate::report::stats::Figure;
 use crate::run::{Evaluation, Metrics, RunDir, SceneRecord};
 
@@ -123,7 +123,7 @@ impl Planned {
     fn finish(&self, state: State, measure: &EvalOptions) -> Result<Finished> {
         match state {
             State::ToTrain if self.is_begun() => {
-                TrainJob::resume(&self.root, (None, false), measure)?;
+                TrainJob::resume(&self.root, GoOn::default(), measure)?;
             }
             State::ToTrain => {
                 // Only what an interruption left is replaced.

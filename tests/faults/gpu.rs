@@ -6,7 +6,7 @@ use std::thread;
 use gspotential::error::{ErrorKind, Result};
 use gspotential::eval::{EvalOptions, render_views};
 use gspotential::gpu::{Buffer, Gpu};
-use gspotential::pipeline::{self, TrainJob};
+use gspotential::pipeline::{self, GoOn, TrainJob};
 use gspotential::render::{Kernels, Model};
 use gspotential::run::{Evaluation, RunDir, Stop};
 
@@ -78,7 +78,8 @@ fn memory_that_runs_out_is_named_with_sizes_and_the_run_goes_on_from_its_checkpo
         assert!(text.contains(part), "no `{part}` in: {text}");
     }
     assert!(!root.join("metrics.json").exists());
-    let resumed = TrainJob::resume(&root, (None, false), &EvalOptions::default()).expect("trains");
+    let resumed =
+        TrainJob::resume(&root, GoOn::default(), &EvalOptions::default()).expect("trains");
     assert!(resumed.evaluation.is_some());
     assert!(Outcome::of(&root) == undisturbed(&folder.path().join("other")));
 }

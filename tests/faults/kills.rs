@@ -11,7 +11,7 @@ use super::{Place, ended, endless_train, train, wait_until};
 /// Kills in a usual test run; `GSPOTENTIAL_KILLS` asks for more.
 const N_KILLS: usize = 5;
 
-/// Where the kills fell.
+/// Counts of where the kills fell.
 #[derive(Debug, Default)]
 struct Tally {
     before_training: usize,

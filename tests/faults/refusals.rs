@@ -7,7 +7,7 @@ use gspotential::config::Config;
 use gspotential::error::ErrorKind;
 use gspotential::eval::EvalOptions;
 use gspotential::gpu::Gpu;
-use gspotential::pipeline::{self, TrainJob};
+use gspotential::pipeline::{self, GoOn, TrainJob};
 use gspotential::run::{RunDir, Stop};
 use gspotential::scene::SceneSource;
 
@@ -62,7 +62,7 @@ fn stopped(scene: &Folder, root: &Path) {
 #[track_caller]
 fn assert_refused(root: &Path, parts: &[&str]) {
     let before = fs::read(root.join("checkpoints/0000000001.ckpt")).expect("a checkpoint");
-    let error = TrainJob::resume(root, (None, false), &options())
+    let error = TrainJob::resume(root, GoOn::default(), &options())
         .err()
         .expect("a refusal");
     assert_eq!(error.exit_code(), 1);
@@ -118,10 +118,10 @@ fn a_checkpoint_of_another_config_or_scene_is_refused_by_name_until_it_is_restor
     assert_refused(&root, &["the scene is not what it was: point cloud;"]);
     scene.write("sparse/0/points3D.ply", GOOD_PLY);
 
-    let resumed = TrainJob::resume(&root, (None, false), &options()).expect("as it was");
+    let resumed = TrainJob::resume(&root, GoOn::default(), &options()).expect("as it was");
     assert!(resumed.evaluation.is_some());
     drop(resumed);
-    let again = TrainJob::resume(&root, (None, false), &options()).expect("finished");
+    let again = TrainJob::resume(&root, GoOn::default(), &options()).expect("finished");
     assert!(again.evaluation.is_none());
     let other = folder.path().join("other");
     job(&scene).run(&other, false, &options()).expect("trains");

@@ -118,7 +118,7 @@ fn any_damage_falls_back_to_the_one_before_and_says_so() {
     fs::write(&path, &whole).expect("written");
     assert_eq!(newest(store).expect("readable"), Some((20, Vec::new())));
 
-    // Where nothing can be read, the newest's fault is told.
+    // If nothing can be read, the newest's fault is told.
     fs::write(&path, &whole[..50]).expect("written");
     fs::write(root.join("0000000010.ckpt"), "").expect("written");
     let error = newest(store).unwrap_err().to_string();
