@@ -1,4 +1,4 @@
-//! Where each strategy puts its virtual views, what they show of the cloud, and what choosing them
+//! Measures where each strategy puts its virtual views, what they show of the cloud, and what choosing them
 //! takes.
 //!
 //! `cargo bench --bench views -- [--scene DIR|builtin:WIDTH] [--max-size PX] [--set KEY=VALUE]...`

@@ -5,7 +5,7 @@
 //! [`config`], [`gaussians`], [`gpu`], [`metrics`] and [`render`]. [`run`] stores what others
 //! define, [`pipeline`] calls the stages in a row, [`study`] trains what a table or figure of the
 //! paper needs, [`doctor`] holds the GPU to the f64 twin beside it ([`doctor::twin`]), and [`cli`]
-//! is the commands on top. Where only photographs are there, [`prior`] finds depth and cameras and
+//! is the commands on top. If only photographs are there, [`prior`] finds depth and cameras and
 //! [`dense`] makes one cloud of them, before the flow begins. A module imports only from those before it in `tests/architecture.rs`,
 //! and no folder holds a circle.
 //!

@@ -169,7 +169,7 @@ fn carving_stops_before_it_takes_too_much() {
         };
         carved(&wall(0.0, 1.0, WHITE), &black, &config)
     };
-    // Of 6,561 points each round sees the nearest of some thousand pixels.
+    // Each round sees, among 6,561 points, the nearest of some thousand pixels.
     let nothing = at_most(0.1);
     assert_eq!(nothing.cloud, wall(0.0, 1.0, WHITE));
     assert_eq!(nothing.removed, Vec::<usize>::new());

@@ -349,7 +349,7 @@ fn a_scene_that_cannot_be_loaded_leaves_no_run() {
     assert_fails(&["train", "--scene", folder], 1, &["points3D.ply"]);
 }
 
-/// Where Vulkan is the only backend, a list of drivers that names none hides every adapter.
+/// Vulkan is the only backend there: a list of drivers that names none hides every adapter.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_missing_adapter_names_the_package_and_leaves_nothing() {

@@ -1,4 +1,4 @@
-//! Where photographs leave holes: the measure, the advice, and the command that prints them.
+//! Holes that photographs leave: the measure, the advice, and the command that prints them.
 
 use glam::DVec3;
 use gspotential::camera::compass::Compass;

@@ -24,7 +24,7 @@ fn start_bounded(positions: Vec<DVec3>, ratio: Option<f64>) -> Gaussians {
     Gaussians::from_cloud(&cloud(positions), &Frame::IDENTITY, &config).unwrap()
 }
 
-/// Of Gaussians whose scales are bounded by ten times the median.
+/// Scales of Gaussians that are bounded by ten times the median.
 fn scales(positions: Vec<DVec3>) -> Vec<f64> {
     scales_of(&start_bounded(positions, Some(10.0)))
 }

@@ -62,7 +62,7 @@ fn ignored_pixels_decide_nothing_from_carving_to_the_last_bit() {
     let scene = masked(Outside::Ignored);
     let means = trained(&scene).gaussians;
     assert!(trained(&inverted_outside(scene)).gaussians == means);
-    // Where they count, they decide.
+    // If they count, they decide.
     let scene = masked(Outside::Kept);
     let means = trained(&scene).gaussians;
     assert!(trained(&inverted_outside(scene)).gaussians != means);

@@ -41,7 +41,7 @@ fn cameras_in_one_place_have_the_extent_of_a_ring_and_others_their_own() {
         (prepared.supervision.extent, warns)
     };
     assert_eq!(extent(&with_views(1)), (1.1, true));
-    // Of two, the mean is midway.
+    // The mean of two is midway.
     let two = with_views(2);
     let prepared = prepare(&two, &config(), &mut Seconds::default()).expect("prepares");
     let [a, b] = [0, 1].map(|i| two.train[i].camera.center());

@@ -19,7 +19,7 @@ const N_VIEWS: usize = 16;
 
 /// Lets the greatest memory of the process be measured anew, where the system does (Linux).
 pub fn forget_peak() {
-    // Where it does not, the greatest so far stays.
+    // A system that cannot do so keeps the greatest so far.
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 
@@ -55,7 +55,7 @@ pub fn views(args: &Args, figures: &mut Vec<Figure>) -> Result<()> {
         forget_peak();
         let mut least = f64::INFINITY;
         for _ in 0..args.rounds.max(1) {
-            // Of the whole preparation, of which it is nearly all.
+            // The whole preparation is timed; splatting is nearly all of it.
             let seconds = of_cpu(|| prepare(&scene, &config, &mut Seconds::default()))?;
             least = least.min(seconds);
         }

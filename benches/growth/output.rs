@@ -62,7 +62,7 @@ const DRAWN: [(&str, &str, &[&str]); 4] = [
 pub fn write(folder: &Path, adapter: &str, figures: &[Figure]) -> Result<()> {
     create_dir(folder)?;
     write_file(&folder.join("growth.csv"), &csv(figures)?)?;
-    // Where the system does not tell, nothing is said.
+    // A system that does not tell its load leaves the place empty.
     let load = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
     let load = load
         .split_whitespace()

@@ -16,7 +16,7 @@ pub struct Compass {
 }
 
 impl Compass {
-    /// Where `up` and `front` point, of any length; a front that is straight above or below says
+    /// The compass whose `up` and `front` point so, of any length; a front straight above or below says
     /// nothing, and any other is taken for it.
     ///
     /// # Errors

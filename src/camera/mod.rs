@@ -51,7 +51,7 @@ impl Camera {
         (self.fx * self.fy).sqrt()
     }
 
-    /// Where a point of the world falls in the image, pixels, and its depth.
+    /// The pixel that a point of the world falls on, and its depth.
     pub fn project(&self, p: DVec3) -> (DVec2, f64) {
         let q = self.rotation * p + self.translation;
         let pixel = DVec2::new(self.fx * q.x / q.z + self.cx, self.fy * q.y / q.z + self.cy);
@@ -201,7 +201,7 @@ impl Frame {
         extent: 1.0,
     };
 
-    /// The near plane, canonical, that lies at a `share` of the scene's extent. Of the extent and not
+    /// The near plane, canonical, that lies at a `share` of the scene's extent. It is one of the extent and not
     /// of `R`: one camera far away must not clip what the others see.
     pub fn near(&self, share: f64) -> f64 {
         share * (self.extent / self.radius)

@@ -32,7 +32,7 @@ LPIPS needs the weights of its net, a file that is made once, with PyTorch:
 
 /// Measure runs at their test views and print a Markdown table
 ///
-/// Of one run, the table has every test view; of several, it compares their means by scene and
+/// The table of one run has every test view; that of several compares their means by scene and
 /// method. Each run's figures go to its eval.json, too, the renders to its test/, and all of it to
 /// its report.html.
 #[derive(Debug, Args)]

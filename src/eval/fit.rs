@@ -67,7 +67,7 @@ struct Fit<'a> {
     /// Canonical.
     near: f64,
     room: Option<Room>,
-    /// Of the view that is being fitted, unpacked.
+    /// The target image of the view that is being fitted, unpacked.
     goal: Vec<u32>,
 }
 

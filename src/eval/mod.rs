@@ -178,7 +178,7 @@ fn score_covered(render: &impl Pixels, truth: &Image, covered: &[bool]) -> Resul
     })
 }
 
-/// Of set pixels.
+/// The share of set pixels.
 fn share(mask: &[bool]) -> f64 {
     mask.iter().filter(|&&set| set).count() as f64 / mask.len() as f64
 }

@@ -7,7 +7,7 @@ use crate::scene::PointCloud;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseErrors {
     pub turn_deg: f64,
-    /// Of the optical centre, in shares of the sphere's radius.
+    /// How far the optical centre is off, in shares of the sphere's radius.
     pub shift: f64,
     /// Distance between a point's pixel in the true camera's image and in the other's, over the
     /// cloud's points in the former. A small turn and a small shift across the axis move the image
@@ -16,7 +16,7 @@ pub struct PoseErrors {
 }
 
 impl PoseErrors {
-    /// Of `cameras`, which show `cloud`, against the `true` ones, one by one.
+    /// Compares `cameras`, which show `cloud`, with the `true` ones, one by one.
     pub fn of(
         cameras: &[Camera],
         truth: &[Camera],

@@ -26,7 +26,7 @@ pub struct Focus {
     /// the training cameras from `c` where that is less. No single camera decides it.
     ///
     /// Tolerances and planes that should fit what is photographed are shares of it and not of `R`,
-    /// which one camera far away makes as large as it likes. Where no camera is over twice as far as
+    /// which one camera far away makes as large as it likes. If no camera is over twice as far as
     /// the median one, the two are the same number. The median is the lower of two, without cameras that
     /// are a thousand times nearer than the upper of two: they stand at `c` itself and have no distance.
     pub extent: f64,
@@ -38,7 +38,7 @@ impl Focus {
     /// The paper's pseudo-focus, `c = argmin_x sum_i |(x - o_i) x d_i|^2` (Eq. 1), with
     /// `R = max_i |o_i - c|`.
     ///
-    /// Where the optical axes do not fix `c` (one camera, nearly parallel or opposed axes) or
+    /// If the optical axes do not fix `c` (one camera, nearly parallel or opposed axes) or
     /// meet in the cameras' common centre, `c` is instead the confidence-weighted median of the
     /// cloud along the mean axis, and `fallback` says so.
     ///

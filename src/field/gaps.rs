@@ -1,4 +1,4 @@
-//! Where photographs leave the scene uncovered, and where another one would help most.
+//! This module finds where photographs leave the scene uncovered, and where another would help most.
 //!
 //! A direction about the focus is uncovered by `max(0, 1 - U_info)`: 0 where a photograph was
 //! taken from, 1 where none informs it. Only elevations near the cameras' own count: nobody
@@ -26,7 +26,7 @@ pub struct Gaps {
     pub worst: DVec3,
     /// How uncovered it is, in [0, 1].
     pub worst_value: f64,
-    /// Where one more photograph leaves the least mean, of the directions that are themselves
+    /// The place of one more photograph that leaves the least mean, among directions that are themselves
     /// uncovered at least half as much as the worst. Kernels are wide: the mean alone may gain most
     /// beside a photograph that is there already, between two holes, and shows nothing new.
     pub advice: DVec3,
@@ -71,7 +71,7 @@ impl Gaps {
         let means: Vec<f64> = directions.iter().map(mean_with).collect();
         let all = 0..directions.len();
         let worst = first_least(all.clone(), &informed)?;
-        // Where nothing is uncovered, that is the worst alone.
+        // If nothing is uncovered, that is the worst alone.
         let bound = 0.5 * (informed[worst] + informed[worst].max(1.0));
         let advice = first_least(all.filter(|i| informed[*i] <= bound), &means)?;
         Some(Gaps {

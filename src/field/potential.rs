@@ -13,7 +13,7 @@ use crate::config::{FieldConfig, Kernel};
 pub struct Field {
     /// Unit directions `v_i` from the focus to the training cameras.
     pub directions: Vec<DVec3>,
-    /// Of `U_info`.
+    /// The kernel of `U_info`.
     pub kernel: Kernel,
     /// `sigma` or `kappa` of the kernel.
     pub sigma: f64,

@@ -24,7 +24,7 @@ pub enum Renders {
 pub struct LpipsRecord {
     pub net: Net,
     pub range: InputRange,
-    /// Of the file of weights, in hex.
+    /// SHA-256 of the file of weights, in hex.
     pub weights_sha256: String,
 }
 

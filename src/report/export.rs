@@ -21,7 +21,7 @@ struct RunRecord<'a> {
     changes: String,
     seed: u64,
     iterations: u32,
-    /// Where it is not the scene's own.
+    /// The cloud's source; null for the scene's own.
     cloud: Option<&'a str>,
     n_points: usize,
     max_points: Option<usize>,

@@ -11,7 +11,7 @@ use crate::scene::Image;
 const CELL_SIDE: u32 = 400;
 /// The box's sides, one in so many of the picture's.
 const BOX_SHARE: u32 = 4;
-/// Of letters.
+/// Pixels of the image for one of a letter.
 const SCALE: u32 = 2;
 const GAP: u32 = 8;
 /// A line of text with its margins, pixels.

@@ -1,4 +1,4 @@
-//! Where a run's time went.
+//! Tables of where a run's time went.
 
 use crate::run::{RunProfile, Seconds, StepProfile};
 use crate::terminal::table::{Table, figure};

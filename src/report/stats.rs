@@ -11,7 +11,7 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// Of values that are all there, at least one.
+    /// Mean and deviation of values that are all there, at least one.
     pub fn of(values: impl Iterator<Item = Option<f64>>) -> Option<Figure> {
         let values = values.collect::<Option<Vec<f64>>>()?;
         let n = values.len() as f64;

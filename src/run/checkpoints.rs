@@ -180,7 +180,7 @@ fn read<H: DeserializeOwned>(path: &Path) -> Result<(H, Vec<u8>)> {
 
 type Span = std::ops::Range<usize>;
 
-/// Where header and payload are in a whole checkpoint.
+/// The places of header and payload in a whole checkpoint.
 fn verify(bytes: &[u8]) -> Result<(Span, Span)> {
     let damaged = |what: &str| Error::new(format!("damaged: {what}"));
     if bytes.len() < FRONT + CHECKSUM || !bytes.starts_with(MAGIC) {

@@ -2,7 +2,7 @@
 //!
 //! JSON has no infinity: the PSNR of an identical image is written as null, as is what was not
 //! measured; a table says `inf` for the former. Fields that older versions did not write are
-//! optional. Of two equal runs only `train_s` may differ.
+//! optional. Two equal runs may differ in `train_s` alone.
 
 use serde::{Deserialize, Serialize};
 
@@ -38,12 +38,12 @@ pub struct Evaluation {
 pub struct Measured {
     /// This program's version.
     pub version: String,
-    /// Of `point_cloud.ply`, in hex.
+    /// SHA-256 of `point_cloud.ply`, in hex.
     pub point_cloud_sha256: String,
     pub point_cloud_bytes: u64,
-    /// Of `config.json`, which holds the near plane and the background.
+    /// SHA-256 of `config.json`, which holds the near plane and the background.
     pub config_sha256: String,
-    /// Of the scene's files ([`crate::scene::SceneSource::stamp`]).
+    /// Stamp of the scene's files ([`crate::scene::SceneSource::stamp`]).
     pub scene_stamp: Option<String>,
     /// Width and height of the first test view; null without one.
     pub image_px: Option<[u32; 2]>,

@@ -63,9 +63,9 @@ const JOB: &str = "checkpoints/job.json";
 #[derive(Clone, Debug)]
 pub struct RunDir {
     root: PathBuf,
-    /// Where this process writes the run.
+    /// The lock of a run that this process writes.
     lock: Option<Arc<RunLock>>,
-    /// Where its scene is now, if that is not where it was.
+    /// Place of its scene, if that is not where it was.
     scene: Option<PathBuf>,
 }
 

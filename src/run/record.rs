@@ -36,7 +36,7 @@ pub struct Metrics {
 pub struct PoseChange {
     pub view: String,
     pub turn_deg: f64,
-    /// Of the optical centre, in shares of the sphere's radius.
+    /// How far the optical centre moved, in shares of the sphere's radius.
     pub shift: f64,
 }
 
@@ -67,7 +67,7 @@ pub struct SceneRecord {
     pub test_views: Vec<String>,
     /// Points in the cloud as loaded.
     pub n_points: usize,
-    /// Of their places, colours and confidences; null in files of older versions.
+    /// Checksum of their places, colours and confidences; null in files of older versions.
     #[serde(default)]
     pub cloud_crc32: Option<u32>,
     /// Points that each round of carving removed; null where it was off.

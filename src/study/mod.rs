@@ -123,7 +123,7 @@ struct Report {
 }
 
 struct Picture {
-    /// Of its file.
+    /// Name of its file.
     name: String,
     svg: String,
 }

@@ -146,7 +146,7 @@ impl Study for Need {
         for part in SMALLER.into_iter().filter(can_be) {
             let changes = [
                 format!("scene.max_size_px={}", side / part),
-                // Otherwise the start would shrink, too.
+                // Without it the start would shrink, too.
                 format!("scene.max_points={n_points}"),
             ];
             add(format!("{SIZE}{part}"), &changes)?;

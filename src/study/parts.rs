@@ -138,7 +138,7 @@ fn rows() -> Vec<Row> {
     rows
 }
 
-/// Of row `i` in the table.
+/// The number of row `i` in the table.
 fn number(i: usize) -> String {
     (i + 1).to_string()
 }

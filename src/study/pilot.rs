@@ -114,7 +114,7 @@ impl Study for Pilot {
 struct Surveyed {
     /// Unit directions of the viewpoints from the focus of all cameras.
     directions: Vec<DVec3>,
-    /// Of the cameras that it was trained on, with their names.
+    /// Places of the cameras that it was trained on, with their names.
     trained: Vec<(String, DVec3)>,
     compass: Compass,
     /// To the nearest of them, degrees.
@@ -183,7 +183,7 @@ impl Surveyed {
         self.mean_where(|i| near(self.directions[i])).0
     }
 
-    /// Of each viewpoint, over the seeds.
+    /// Mean PSNR at each viewpoint, over the seeds.
     fn mean_psnr(&self) -> Vec<f64> {
         let mean = |i: usize| {
             let seeds = self.psnr.iter().map(|seed| seed[i]);

@@ -28,7 +28,7 @@ pub struct Options {
 /// One way to train a scene, the seed aside.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variant {
-    /// Of its run directories, between the scene's name and the seed; fit for a file's name. Jobs
+    /// Part of its run directories' names, between the scene's name and the seed. Jobs
     /// of one name are the same job whatever the study.
     pub name: String,
     pub job: TrainJob,

@@ -11,7 +11,7 @@ use crate::terminal::Table;
 pub struct Column {
     pub key: &'static str,
     pub heading: &'static str,
-    /// Of figures; text has none.
+    /// Digits after the point; None for text.
     pub digits: Option<usize>,
 }
 
@@ -62,7 +62,7 @@ impl From<Option<Figure>> for Cell {
 /// Rows of cells under columns.
 #[derive(Clone, Debug)]
 pub struct DataTable {
-    /// Of its files.
+    /// Name of its files.
     pub name: String,
     pub columns: Vec<Column>,
     pub rows: Vec<Vec<Cell>>,

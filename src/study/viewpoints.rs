@@ -95,7 +95,7 @@ impl Setting {
 /// What a variant renders around a scene.
 pub struct Survey {
     pub setting: Setting,
-    /// Of the viewpoints, from the focus.
+    /// Directions of the viewpoints from the focus.
     pub directions: Vec<DVec3>,
     /// To the nearest training camera, degrees.
     pub angles: Vec<f64>,
@@ -125,7 +125,7 @@ impl Survey {
         })
     }
 
-    /// Of a predictor: its rank correlation with PSNR, whole and at equal angle.
+    /// Rank correlation of a predictor with PSNR, whole and at equal angle.
     pub fn correlations(&self, predictor: &[f64]) -> [Option<Figure>; 2] {
         correlations(predictor, &self.psnr, &self.angles)
     }

@@ -34,7 +34,7 @@ pub struct VirtualView {
     pub alpha: f64,
 }
 
-/// Where a virtual camera stands.
+/// The place of a virtual camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Viewpoint {
     /// Unit direction from the focus.
@@ -77,7 +77,7 @@ pub fn candidates(
 /// Fibonacci sphere, drawn without replacement with probability `P_j = w_j / sum w`,
 /// `w = 1 / (U_total + epsilon)`.
 ///
-/// Where the training cameras look outward, the candidates are views among them and are drawn with equal
+/// If the training cameras look outward, the candidates are views among them and are drawn with equal
 /// weights, whatever the strategy: none that looks at the focus shows what they see.
 ///
 /// `visible_shares`, of the [`candidates`] in their order, is what

@@ -1,4 +1,4 @@
-//! Where virtual views stand: the strategies.
+//! Strategies that choose where virtual views stand.
 
 use glam::DVec3;
 
@@ -152,7 +152,7 @@ pub fn farthest_points(candidates: &[DVec3], taken: &[DVec3], count: usize) -> V
 
 /// `count` viewpoints, each between two training cameras of a uniformly drawn pair, at a uniform
 /// share `t` of the way: the direction turns at even pace along the great circle, the distance
-/// from the focus changes linearly. Where the directions are opposed, the arc leads over the
+/// from the focus changes linearly. If the directions are opposed, the arc leads over the
 /// side that is up.
 fn interpolate(
     train: &[Camera],

@@ -75,7 +75,7 @@ fn run(name: &str, scene: &Scene, config: &Config) -> (Prepared, Trained) {
 /// Name, (eye, target) of each camera, and part of the warning where there is one.
 type Layout = (&'static str, Vec<(DVec3, DVec3)>, Option<&'static str>);
 
-/// Where the built-in cameras stand and look.
+/// The places of the built-in cameras, and the point they look at.
 fn ring() -> (Vec<DVec3>, DVec3) {
     let scene = small_scene();
     let eyes = scene.train.iter().map(|v| v.camera.center()).collect();

@@ -37,7 +37,7 @@ const centre = (id) => {
   const at = 4 * (width * Math.floor(height / 2) + Math.floor(width / 2));
   return Array.from(all.slice(at, at + 3));
 };
-// Where red is, as shares of width and height.
+// The middle of what is red, as shares of width and height.
 const middle = (id) => {
   const all = pixels(id);
   const { width, height } = document.getElementById(id);
@@ -168,7 +168,7 @@ fn the_page_lives_in_a_browser() {
     assert_eq!(found["title"], "run - gspotential");
 }
 
-/// Otherwise "no problems" would say nothing.
+/// Without this, "no problems" would say nothing.
 #[test]
 #[ignore = "needs Chromium"]
 fn a_broken_page_is_found_out() {

@@ -251,7 +251,7 @@ fn shares_below_the_least_drop_a_candidate_and_the_others_weigh_by_the_power() {
         let full = choose(&[1.0; 64], &config);
         assert!(full.into_iter().eq(free.iter().map(index)), "{strategy}");
 
-        // Of those that stay, a share counts by its power: at 16, a tenth is next to nothing.
+        // The share of those that stay counts by its power: at 16, a tenth is next to nothing.
         if strategy == "sphere_farthest" {
             continue;
         }

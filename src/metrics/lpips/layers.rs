@@ -73,7 +73,7 @@ impl Conv {
     /// Copies what the kernel sees for the output pixel (`y`, `x`) into `patch`
     /// (`[side][side][n_in]`, zeroed).
     fn gather(&self, input: &Tensor, y: usize, x: usize, patch: &mut [f32]) {
-        // Of each row of the kernel, the columns that lie within the image.
+        // Each row of the kernel counts with the columns that lie within the image.
         let left = x * self.stride;
         let first = self.padding.saturating_sub(left);
         let end = (input.width + self.padding)

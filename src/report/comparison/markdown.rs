@@ -219,7 +219,7 @@ impl Comparison<'_> {
         self.blocks.iter().flat_map(|block| &block.rows)
     }
 
-    /// Of the scenes' means over seeds.
+    /// The mean of the scenes' means over seeds.
     fn mean_over_scenes(&self, label: &str, column: &Column) -> Option<Figure> {
         let mean = |block: &Block| Some(block.row(label)?.figure(&column.value)?.mean);
         let figure = Figure::of(self.blocks.iter().map(mean))?;

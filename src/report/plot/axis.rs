@@ -48,7 +48,7 @@ impl Axis {
         }
     }
 
-    /// Where a value lies along the axis; not finite for one that it cannot show.
+    /// The place of a value along the axis; not finite for one that it cannot show.
     pub(super) fn place(&self, value: f64) -> f64 {
         match self.kind {
             Kind::Log => value.log10(),
