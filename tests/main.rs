@@ -34,6 +34,7 @@ mod policy;
 mod poses;
 mod prior;
 mod profile;
+mod prose;
 mod reference;
 mod report;
 mod run;

@@ -23,7 +23,7 @@ pub(super) struct Backbone {
     cls_token: Vec<f32>,
     /// `[1 + 37 * 37][channels]`, the class token's first.
     pos_embed: Vec<f32>,
-    /// Of the reference view and of all others, `[2][channels]`.
+    /// Tokens of the reference view and of all others, `[2][channels]`.
     camera_token: Vec<f32>,
     blocks: Vec<Block>,
     norm: LayerNorm,
@@ -33,7 +33,7 @@ pub(super) struct Backbone {
 pub(super) struct Features {
     /// `[views][patches][2 channels]`, four times.
     pub maps: Vec<Vec<f32>>,
-    /// Of the last output block, `[views][2 channels]`.
+    /// Camera tokens of the last output block, `[views][2 channels]`.
     pub camera: Vec<f32>,
     /// The view in whose frame the cameras are.
     pub reference: usize,

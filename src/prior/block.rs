@@ -17,7 +17,7 @@ pub(super) struct Block {
     n_heads: usize,
     norm1: LayerNorm,
     qkv: Linear,
-    /// Of queries and keys, over the channels of a head.
+    /// Norms of queries and keys, over the channels of a head.
     qk_norms: Option<(LayerNorm, LayerNorm)>,
     proj: Linear,
     ls1: Vec<f32>,

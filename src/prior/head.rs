@@ -211,7 +211,7 @@ struct Pyramid {
 }
 
 struct Fusion {
-    /// Of the finer map that comes in; the coarsest stage has none.
+    /// Takes in the finer map; the coarsest stage has none.
     side: Option<Residual>,
     top: Residual,
     out: Linear,

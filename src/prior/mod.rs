@@ -73,7 +73,7 @@ pub struct ViewPrediction {
     pub depth: Vec<f32>,
     /// `[height][width]`, above 1.
     pub confidence: Vec<f32>,
-    /// Where they were asked for.
+    /// The rays, if they were asked for.
     pub rays: Option<Rays>,
 }
 

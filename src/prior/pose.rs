@@ -17,7 +17,7 @@ pub type PoseEncoding = [f32; 9];
 /// Distances from the first camera are never divided by less.
 const MIN_SCALE: f64 = 0.1;
 const EPSILON: f32 = 1e-5;
-/// Of the camera encoder, whatever its width.
+/// Heads of the camera encoder, whatever its width.
 const ENCODER_HEADS: usize = 16;
 const ENCODER_BLOCKS: usize = 4;
 /// Least tangent of half a field of view.

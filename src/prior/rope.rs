@@ -13,13 +13,13 @@ pub(super) struct Rope {
 }
 
 impl Rope {
-    /// Where the special token is at (0, 0) and patch (r, c) at (r + 1, c + 1).
+    /// The special token is at (0, 0) and patch (r, c) at (r + 1, c + 1).
     pub fn of_grid(rows: usize, columns: usize, head_dim: usize) -> Rope {
         let patches = (0..rows).flat_map(|r| (0..columns).map(move |c| [r + 1, c + 1]));
         Self::new(std::iter::once([0, 0]).chain(patches).collect(), head_dim)
     }
 
-    /// Where every patch is at (1, 1): it only tells them from the special token.
+    /// Every patch is at (1, 1), which only tells them from the special token.
     pub fn without_place(n_patches: usize, head_dim: usize) -> Rope {
         let patches = std::iter::repeat_n([1, 1], n_patches);
         Self::new(std::iter::once([0, 0]).chain(patches).collect(), head_dim)

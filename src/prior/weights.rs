@@ -18,7 +18,7 @@ pub(super) struct Weights {
     path: PathBuf,
     file: File,
     metadata: Metadata,
-    /// Where the tensors' bytes begin.
+    /// The byte at which the tensors begin.
     data: u64,
     /// Whether names and shapes are checked only; tensors come back empty then.
     dry: bool,

@@ -25,7 +25,7 @@ pub(super) struct Decoded {
     pub fit: Fit,
     /// The size that its camera had been given.
     pub stated: (u32, u32),
-    /// Of a fisheye photograph.
+    /// What a fisheye photograph lost.
     pub cut: Option<Cut>,
 }
 

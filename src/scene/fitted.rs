@@ -48,7 +48,7 @@ struct Window {
 }
 
 /// The camera of a photograph of `size` pixels that `camera` stands for; none where the shapes
-/// do not fit. Of several ways to map it the one of the most nearly square pixels is taken.
+/// do not fit. If there are several ways to map it, that of the most nearly square pixels is taken.
 pub(super) fn fitted(camera: &Camera, size: (u32, u32)) -> Option<Fitted> {
     let (width, height) = (camera.width, camera.height);
     let rescaled = |how| Fitted {

@@ -9,7 +9,7 @@ use crate::camera::Camera;
 
 /// Points that are looked at, evenly over the cloud's order.
 const MAX_POINTS: usize = 40_000;
-/// Of the points in one cell only the nearest is seen. So many cells lie along a view's width.
+/// Cells along a view's width; only the nearest of the points in one cell is seen.
 const CELLS: u32 = 160;
 /// A view in which fewer points are seen says nothing.
 const MIN_SEEN: usize = 100;

@@ -20,7 +20,7 @@ pub(super) struct Layout {
     /// Names of posed images that cannot be used, and why not. One whose photograph is not there
     /// is not judged.
     pub unusable: Vec<(String, Error)>,
-    /// Where the images are that the names are relative to.
+    /// The folder that the images' names are relative to.
     pub image_dir: PathBuf,
     /// The scene's own cloud, or the error that it has none.
     pub cloud: Result<PathBuf>,
@@ -45,7 +45,7 @@ pub(super) struct PosedCamera {
 #[derive(Debug)]
 pub(super) struct NamedSplit {
     pub train: Vec<String>,
-    /// Otherwise drawn from the rest.
+    /// Names of the test views; None: drawn from the rest.
     pub test: Option<Vec<String>>,
     pub place: PathBuf,
 }

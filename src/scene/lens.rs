@@ -96,7 +96,7 @@ impl Distortion {
         radial.chain(denominator).chain(ends)
     }
 
-    /// Where the ray through `p` on the plane at depth 1 ends.
+    /// The place at which the ray through `p` on the plane at depth 1 ends.
     pub fn distort(&self, p: DVec2) -> DVec2 {
         let q = self.bent(p);
         let [p1, p2] = self.tangential;
@@ -145,7 +145,7 @@ impl Distortion {
         (gain, (above_slope - gain * below_slope) / below)
     }
 
-    /// Of `x'`, `y'` by the coordinates that the polynomials take.
+    /// Derivatives of `x'`, `y'` by the coordinates that the polynomials take.
     fn jacobian(&self, q: DVec2) -> DMat2 {
         let ([p1, p2], [sx, sy]) = (self.tangential, self.prism);
         let (radial, slope) = self.gain(q.length_squared());
@@ -163,7 +163,7 @@ impl Distortion {
         )
     }
 
-    /// Where the model is one-to-one on the way from the centre, the point on the plane at depth 1
+    /// If the model is one-to-one on the way from the centre, the point on the plane at depth 1
     /// that is distorted to `goal`.
     fn undistort(&self, goal: DVec2) -> Option<DVec2> {
         let mut q = DVec2::ZERO;

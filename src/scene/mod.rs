@@ -63,7 +63,7 @@ pub struct Scene {
 pub struct View {
     pub camera: Camera,
     pub image: Image,
-    /// Where the scene says what its subject is.
+    /// The subject, if the scene says what it is.
     pub mask: Option<Mask>,
 }
 
@@ -115,7 +115,7 @@ pub enum Outside {
     Kept,
     /// The photograph's, but not for training.
     Ignored,
-    /// Of the background colour.
+    /// They have the background colour.
     Background,
 }
 
@@ -174,7 +174,7 @@ impl PointCloud {
     }
 
     /// `clamp(c_i / median(c), 0, 1)` of the confidences `c`, one a point: their scale differs
-    /// between the programs that write them, but half of a cloud counts as sure in all. Where
+    /// between the programs that write them, but half of a cloud counts as sure in all. If
     /// the median is 0, points are sure or not at all.
     pub fn relative_confidence(&self) -> Option<Vec<f64>> {
         let confidence = self.confidence.as_ref().filter(|c| !c.is_empty())?;
@@ -215,13 +215,13 @@ pub struct LoadOptions {
     pub train_views: Option<Vec<String>>,
     /// Names of the test views; otherwise `split.json`, otherwise `n_test` uniformly.
     pub test_views: Option<Vec<String>>,
-    /// Otherwise the scene's own.
+    /// The cloud to take; None: the scene's own.
     pub cloud: Option<CloudSource>,
     /// Without a split file: this many training views, uniformly over the sorted names.
     pub n_train: usize,
     /// Without a split file: at most this many of the remaining views, uniformly.
     pub n_test: usize,
-    /// Of a random cloud.
+    /// Seed of a random cloud.
     pub seed: u64,
     /// What the pixels become that a mask leaves out.
     pub outside_mask: OutsideMask,

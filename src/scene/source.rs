@@ -12,7 +12,7 @@ use crate::error::{Error, Result, did_you_mean};
 /// Image width of the built-in scene where none is given, pixels.
 pub const DEFAULT_BUILTIN_WIDTH: u32 = 320;
 
-/// Where a scene comes from: a folder, or `builtin[:WIDTH]`. A folder of that name is
+/// The source of a scene: a folder, or `builtin[:WIDTH]`. A folder of that name is
 /// `./builtin`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SceneSource {
@@ -98,7 +98,7 @@ impl fmt::Display for SceneSource {
     }
 }
 
-/// Where a cloud other than the scene's own comes from. A file named `random` is `./random`.
+/// The source of a cloud other than the scene's own. A file named `random` is `./random`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CloudSource {
     /// What [`super::read_cloud`] reads.

@@ -11,7 +11,7 @@ use crate::error::Result;
 pub(super) struct Cut {
     /// Angle across its width and height, degrees.
     pub angles: [f64; 2],
-    /// Of the photograph's area.
+    /// The share of the photograph's area that is shown.
     pub shown: f64,
 }
 

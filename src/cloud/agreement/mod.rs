@@ -1,7 +1,7 @@
 //! Whether cloud and cameras belong together: told before anything is trained on them.
 //!
 //! Each training view is asked which share of the cloud it has in its image, and whether the colours
-//! of the nearest points there are those of its photograph, better than by chance ([`Colors`]). Where
+//! of the nearest points there are those of its photograph, better than by chance ([`Colors`]). If
 //! a view fits nothing, what would mend it is looked for: other axes or another unit of the cloud,
 //! another photograph, a turned one, a camera astray.
 //!
@@ -84,7 +84,7 @@ pub struct Agreement {
 }
 
 impl Agreement {
-    /// Of the training views and the cloud of `scene`. Deterministic; takes time in the number of views.
+    /// Compares the training views with the cloud of `scene`. Deterministic; takes time in the number of views.
     ///
     /// # Errors
     /// No training view sees anything of the cloud.

@@ -38,7 +38,7 @@ pub(super) struct Photo {
 }
 
 impl Photo {
-    /// Of `view`, its longer side at most [`MAX_CELLS`].
+    /// Reduces `view` to at most [`MAX_CELLS`] on its longer side.
     pub fn new(view: &View) -> Photo {
         let camera = view.camera.at_most(MAX_CELLS);
         let (width, height) = (view.image.width as usize, view.image.height as usize);
@@ -138,7 +138,7 @@ pub(super) struct Sight {
 /// How far colours agree; correlations, -1 to 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Colors {
-    /// Of the points and the photograph.
+    /// Agreement of the points with the photograph.
     pub agreement: f64,
     /// What nine in ten shifts of the photograph stay below.
     pub chance: f64,

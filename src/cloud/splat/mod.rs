@@ -3,7 +3,7 @@
 //!
 //! A point's footprint ([`Footprint`]) is one of two:
 //!
-//! - `pixel`: the pixel that it falls into. The nearest point wins. Where points are sparser than
+//! - `pixel`: the pixel that it falls into. The nearest point wins. If points are sparser than
 //!   pixels, those behind a surface show through it.
 //! - `disc`: surface splatting in two passes (Botsch and Kobbelt 2003, "High-Quality Point-Based
 //!   Rendering on Modern GPUs"). A disc's radius is that of the point's source pixel, projected:

@@ -13,7 +13,7 @@ pub struct TwinDropout {
 /// What guides it by depth and density (Song et al. 2026, eqs. 1 and 2).
 #[derive(Clone, Debug)]
 pub struct TwinGuide {
-    /// Of depth and of density.
+    /// Weights of depth and of density.
     pub weights: [f64; 2],
     /// A Gaussian's density, 0 to 1.
     pub densities: Vec<f64>,

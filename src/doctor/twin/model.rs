@@ -94,7 +94,7 @@ impl TwinCamera {
     }
 }
 
-/// A projected Gaussian. Where not `valid`, everything but `depth` is 0.
+/// A projected Gaussian. If it is not `valid`, everything but `depth` is 0.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TwinSplat {
     /// In front of the near plane and not dropped.

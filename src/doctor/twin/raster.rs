@@ -21,7 +21,7 @@ pub struct TwinRender {
     pub rgb: Vec<f64>,
     /// `height * width`, 1 - final transmittance.
     pub alpha: Vec<f64>,
-    /// Where a decision (skip, stop, cap, order) hangs on less than the tolerance: single
+    /// Pixels at which a decision (skip, stop, cap, order) hangs on less than the tolerance: single
     /// precision may decide otherwise.
     pub fragile: Vec<bool>,
     /// Number of Gaussians blended.

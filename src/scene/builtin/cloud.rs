@@ -26,7 +26,7 @@ pub struct Imperfections {
     /// Share of the backdrop's pixels without a point.
     pub backdrop_loss: f64,
     /// Gives points a confidence of 1 to 20, low at depth edges, for flying pixels and outliers,
-    /// at grazing angles and far away. Otherwise the cloud has none.
+    /// at grazing angles and far away. Without it the cloud has none.
     pub confidence: bool,
 }
 
@@ -192,7 +192,7 @@ fn trust(camera: &Camera, traced: &Traced, i: usize, at_unit_depth: DVec3) -> f6
 
 /// A smooth random field over one image.
 struct DepthBias {
-    /// Of `cos(i pi u) cos(j pi v)`.
+    /// Coefficients of `cos(i pi u) cos(j pi v)`.
     coefficients: [[f64; Self::ORDERS]; Self::ORDERS],
 }
 

@@ -116,8 +116,8 @@ fn in_other_case(path: &Path) -> Option<PathBuf> {
     alike.next().is_none().then_some(first)
 }
 
-/// Of the entries of `dir` that are named `prefix`, a number of views and `suffix`, and hold
-/// what `is_one` looks for, the only one, or else the one for `n_train` views.
+/// Finds `{prefix}N{suffix}` in `dir` that satisfies `is_one`; if several do, the one with
+/// N = `n_train`.
 ///
 /// # Errors
 ///

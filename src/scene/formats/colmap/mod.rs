@@ -88,7 +88,7 @@ pub(super) fn has_model(folder: &Path) -> bool {
 /// Reads the cameras and images in `folder`.
 pub(super) fn read_model(folder: &Path) -> Result<Model> {
     let mut model = Model::default();
-    // Where both are there, the binary one is what COLMAP itself would take.
+    // COLMAP itself takes the binary one if both are there.
     let (extension, read_cameras, read_images): (_, ReadInto, ReadInto) =
         if folder.join("cameras.bin").is_file() {
             model.encoding = "binary";

@@ -1,11 +1,11 @@
-//! Where COLMAP models and their photographs are looked for.
+//! The places where COLMAP models and their photographs are looked for.
 
 use std::path::{Path, PathBuf};
 
 use super::super::Probe;
 use super::{has_model, read_model};
 
-/// Where a model is looked for, in this order: 3DGS, VGGT, MASt3R with GLOMAP, nerfstudio, COLMAP's
+/// The folders in which a model is looked for, in this order: 3DGS, VGGT, MASt3R with GLOMAP, nerfstudio, COLMAP's
 /// dense workspaces, and beside the photographs.
 pub(in crate::scene) const FOLDERS: [&str; 8] = [
     "sparse/0",
@@ -32,7 +32,7 @@ pub(super) struct Found {
     pub warning: Option<String>,
 }
 
-/// The folder of the scene `dir` that holds a model. Of the numbered parts of one reconstruction it
+/// The folder of the scene `dir` that holds a model. Among the numbered parts of one reconstruction it
 /// is that of the most images.
 pub(super) fn find_model(dir: &Path) -> Option<Found> {
     let folder = FOLDERS.iter().find(|f| has_model(&dir.join(f)))?;

@@ -77,7 +77,7 @@ pub(super) fn pose(matrix: Option<&Value>) -> Result<Option<(DMat3, DVec3, f64)>
     Ok(Some((rotation, position, scale)))
 }
 
-/// Where a frame's intrinsics are read from.
+/// What a frame's intrinsics are read from.
 pub(super) struct Optics<'a> {
     pub frame: &'a Object,
     pub file: &'a Object,
