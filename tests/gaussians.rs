@@ -13,28 +13,15 @@ use crate::gaussians_ply::distinct;
 use crate::geometry::{Random, cloud, paper, scratch};
 
 fn start(positions: Vec<DVec3>) -> Gaussians {
-    start_bounded(positions, None)
+    Gaussians::from_cloud(&cloud(positions), &Frame::IDENTITY, &paper().model).unwrap()
 }
 
-fn start_bounded(positions: Vec<DVec3>, ratio: Option<f64>) -> Gaussians {
-    let config = ModelConfig {
-        max_initial_scale_ratio: ratio,
-        ..paper().model
-    };
-    Gaussians::from_cloud(&cloud(positions), &Frame::IDENTITY, &config).unwrap()
-}
-
-/// Scales of Gaussians that are bounded by ten times the median.
 fn scales(positions: Vec<DVec3>) -> Vec<f64> {
-    scales_of(&start_bounded(positions, Some(10.0)))
-}
-
-fn scales_of(gaussians: &Gaussians) -> Vec<f64> {
     let scale = |s: &Vec3| {
         assert!(s.x == s.y && s.y == s.z, "not isotropic: {s}");
         f64::from(s.x).exp()
     };
-    gaussians.scales_log.iter().map(scale).collect()
+    start(positions).scales_log.iter().map(scale).collect()
 }
 
 fn close(a: f64, b: f64) -> bool {
@@ -52,7 +39,7 @@ fn scales_equal_the_brute_force_neighbour_distances() {
     }
     let scales = scales(positions.clone());
     let rounded: Vec<DVec3> = positions.iter().map(|p| p.as_vec3().as_dvec3()).collect();
-    let mut twins: Vec<f64> = rounded
+    let twins: Vec<f64> = rounded
         .iter()
         .enumerate()
         .map(|(i, p)| {
@@ -66,30 +53,22 @@ fn scales_equal_the_brute_force_neighbour_distances() {
             (squared[..3].iter().sum::<f64>() / 3.0).max(1e-7).sqrt()
         })
         .collect();
-    let mut apart: Vec<f64> = twins.iter().copied().filter(|s| *s > 3.2e-4).collect();
-    apart.sort_by(f64::total_cmp);
-    let ceiling = 10.0 * apart[apart.len() / 2];
-    twins.iter_mut().for_each(|t| *t = t.min(ceiling));
     for (i, (scale, twin)) in scales.iter().zip(&twins).enumerate() {
         assert!(close(*scale, *twin), "{i}: {scale} for {twin}");
     }
 }
 
 #[test]
-fn an_isolated_point_is_bounded_by_the_median() {
+fn an_isolated_point_starts_as_large_as_its_distances_say() {
     let mut positions: Vec<DVec3> = (0..100)
         .map(|i| dvec3(f64::from(i % 10), f64::from(i / 10), 0.0) * 0.1)
         .collect();
     positions.push(dvec3(0.0, 0.0, 50.0));
-    let bounded = scales(positions.clone());
-    assert!(close(bounded[55], 0.1));
-    assert!(close(bounded[100], 10.0 * 0.1), "{}", bounded[100]);
-    // 3DGS takes the distances as they are.
-    let literal = scales_of(&start(positions));
-    assert_eq!(literal[..100], bounded[..100]);
+    let scales = scales(positions);
+    assert!(close(scales[55], 0.1));
     let squared = |near: f64| 2500.0 + near;
     let expected = ((squared(0.0) + 2.0 * squared(0.01)) / 3.0).sqrt();
-    assert!(close(literal[100], expected), "{}", literal[100]);
+    assert!(close(scales[100], expected), "{}", scales[100]);
 }
 
 #[test]
@@ -109,7 +88,7 @@ fn clouds_of_few_points_start_with_sensible_scales() {
 }
 
 #[test]
-fn many_points_at_one_place_are_bounded_and_cost_no_quadratic_time() {
+fn many_points_at_one_place_start_small_and_cost_no_quadratic_time() {
     // Invalid pixels often all lie at the origin.
     let mut positions = vec![DVec3::ZERO; 100_000];
     positions.extend((0..1000).map(|i| {
@@ -124,7 +103,6 @@ fn many_points_at_one_place_are_bounded_and_cost_no_quadratic_time() {
     let scales = scales(positions);
     assert!(started.elapsed().as_secs() < 5, "{:?}", started.elapsed());
     assert!(scales[..100_000].iter().all(|s| close(*s, 1e-7f64.sqrt())));
-    // The crowd does not drag the bound of the others down.
     assert!(scales[100_000..].iter().all(|s| close(*s, 0.1)));
 }
 

@@ -70,7 +70,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "PX")]
     max_size: Option<u32>,
 
-    /// Thin the point cloud evenly to N points [preset: as many as training pixels]
+    /// Thin the point cloud evenly to N points [default: one for four training pixels; literal presets: one for each]
     #[arg(long, value_name = "N")]
     max_points: Option<usize>,
 

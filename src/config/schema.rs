@@ -62,8 +62,10 @@ section! {
         /// Greatest number of test views if there is no split file, uniformly among the others.
         n_test: usize = 60, within(0.0, 1e6);
         /// The cloud is thinned to this many points before it becomes Gaussians; null: to the number
-        /// of training pixels.
+        /// of training pixels divided by `pixels_a_point`.
         max_points: Option<usize> = None, within(1.0, U32);
+        /// Training pixels for each Gaussian at the start, where `max_points` is null.
+        pixels_a_point: f64 = 1.0, within(0.01, 1e6);
         /// What training makes of the pixels that a photograph's mask leaves out.
         outside_mask: OutsideMask = OutsideMask::Auto, any();
     }
@@ -232,9 +234,6 @@ section! {
         initial_opacity: f64 = 0.1, between(0.0, 1.0);
         /// Gaussians start with `initial_opacity * min(1, confidence / median confidence)`.
         confidence_opacity: bool = false, any();
-        /// Upper bound of the initial scale (3-nearest-neighbour distance) as a multiple of the
-        /// median over the cloud: isolated points would fog whole views. null: no bound, as in 3DGS.
-        max_initial_scale_ratio: Option<f64> = None, positive();
         /// Near plane, as a share of the scene's extent: `R`, or twice the median distance of the training
         /// cameras from the focus where that is less, so that a camera far away clips nothing of the others'.
         near: f64 = 0.01, between(0.0, 1.0);

@@ -122,8 +122,7 @@ impl Gaussians {
     /// cloud's colour from everywhere, and of `config.initial_opacity`, which
     /// `config.confidence_opacity` multiplies by [`PointCloud::relative_confidence`].
     ///
-    /// Scales are bounded: below as in 3DGS, for points that coincide; above, where it is given, by
-    /// `config.max_initial_scale_ratio` times the median of those that do not.
+    /// Scales are bounded below as in 3DGS, for points that coincide.
     ///
     /// # Errors
     /// An empty cloud; a position or config value that has no finite stored form.
@@ -157,7 +156,7 @@ impl Gaussians {
             ))
             .way_out("check that cloud and poses share one frame"));
         }
-        let scales = initial_scales(&means, config.max_initial_scale_ratio);
+        let scales = initial_scales(&means);
         let n_sh = n_sh(config.sh_degree);
         let mut sh = vec![0.0; means.len() * n_sh * 3];
         for (sh, rgb) in sh.chunks_exact_mut(n_sh * 3).zip(&cloud.colors) {
@@ -222,25 +221,15 @@ fn initial_opacity_logits(cloud: &PointCloud, config: &ModelConfig) -> Result<Ve
     })
 }
 
-/// Root mean square distance to the three nearest other points, bounded; one a mean.
-fn initial_scales(means: &[Vec3], max_ratio: Option<f64>) -> Vec<f64> {
-    let floor = MIN_SQUARED_DISTANCE.sqrt();
-    let mut scales: Vec<f64> = mean_over_nearest(means, 3, |squared| squared)
+/// Root mean square distance to the three nearest other points, bounded below; one a mean.
+fn initial_scales(means: &[Vec3]) -> Vec<f64> {
+    mean_over_nearest(means, 3, |squared| squared)
         .into_iter()
-        .map(|d| d.map_or(LONE_SCALE, f64::sqrt).max(floor))
-        .collect();
-    let Some(max_ratio) = max_ratio else {
-        return scales;
-    };
-    // Points that coincide say nothing about the spacing of the others.
-    let mut apart: Vec<f64> = scales.iter().copied().filter(|s| *s > floor).collect();
-    if !apart.is_empty() {
-        let middle = apart.len() / 2;
-        let median = *apart.select_nth_unstable_by(middle, f64::total_cmp).1;
-        let ceiling = (max_ratio * median).max(floor);
-        scales.iter_mut().for_each(|s| *s = s.min(ceiling));
-    }
-    scales
+        .map(|d| {
+            d.map_or(LONE_SCALE, f64::sqrt)
+                .max(MIN_SQUARED_DISTANCE.sqrt())
+        })
+        .collect()
 }
 
 /// Mean of what `of` makes of the squared distances of every point to its `k` nearest others (fewer

@@ -132,11 +132,12 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     })
 }
 
-/// Number of points that training on `scene` starts from: `scene.max_points`, else one a training
-/// pixel, and no more than the cloud has before carving.
+/// Number of points that training on `scene` starts from: `scene.max_points`, else one for
+/// `scene.pixels_a_point` training pixels, at least one, and no more than the cloud has before carving.
 pub fn n_start(scene: &Scene, config: &Config) -> usize {
     let n_pixels: usize = scene.train.iter().map(|view| n_pixels(&view.image)).sum();
-    let wanted = config.scene.max_points.unwrap_or(n_pixels);
+    let by_pixels = || ((n_pixels as f64 / config.scene.pixels_a_point) as usize).max(1);
+    let wanted = config.scene.max_points.unwrap_or_else(by_pixels);
     wanted.min(scene.cloud.len())
 }
 
