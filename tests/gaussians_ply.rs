@@ -11,7 +11,7 @@ use gspotential::gaussians::ply::{read_ply, write_ply};
 use crate::geometry::{Random, scratch};
 use crate::kit::data::shared;
 
-pub fn distinct(n: usize, sh_degree: u32) -> Gaussians {
+pub(crate) fn distinct(n: usize, sh_degree: u32) -> Gaussians {
     let mut random = Random::new(u64::from(sh_degree));
     let mut value = || random.in_range(-3.0, 3.0) as f32;
     let n_sh = (sh_degree as usize + 1).pow(2);

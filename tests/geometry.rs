@@ -8,7 +8,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// A 64x48 camera at `eye` that looks at `target`, written without the crate's own look-at.
-pub fn camera(eye: DVec3, target: DVec3) -> Camera {
+pub(crate) fn camera(eye: DVec3, target: DVec3) -> Camera {
     let forward = (target - eye).normalize();
     let helper = if forward.z.abs() < 0.9 {
         DVec3::Z
@@ -32,7 +32,7 @@ pub fn camera(eye: DVec3, target: DVec3) -> Camera {
 }
 
 /// `n` cameras on a slanted ring of radius 3 and height 2 around `focus`, looking at it.
-pub fn ring(n: usize, focus: DVec3) -> Vec<Camera> {
+pub(crate) fn ring(n: usize, focus: DVec3) -> Vec<Camera> {
     (0..n)
         .map(|i| {
             let (sin, cos) = (i as f64 * 1.1).sin_cos();
@@ -41,7 +41,7 @@ pub fn ring(n: usize, focus: DVec3) -> Vec<Camera> {
         .collect()
 }
 
-pub fn cloud(positions: Vec<DVec3>) -> PointCloud {
+pub(crate) fn cloud(positions: Vec<DVec3>) -> PointCloud {
     PointCloud {
         colors: (0..positions.len())
             .map(|i| [i as u8, (i >> 8) as u8, (i >> 16) as u8])
@@ -52,34 +52,34 @@ pub fn cloud(positions: Vec<DVec3>) -> PointCloud {
 }
 
 /// The `paper` preset.
-pub fn paper() -> Config {
+pub(crate) fn paper() -> Config {
     Config::default()
 }
 
 /// Seeded uniform numbers.
-pub struct Random(ChaCha8Rng);
+pub(crate) struct Random(ChaCha8Rng);
 
 impl Random {
-    pub fn new(seed: u64) -> Random {
+    pub(crate) fn new(seed: u64) -> Random {
         Random(ChaCha8Rng::seed_from_u64(seed))
     }
 
-    pub fn index(&mut self, n: usize) -> usize {
+    pub(crate) fn index(&mut self, n: usize) -> usize {
         (self.0.next_u64() % n as u64) as usize
     }
 
-    pub fn in_range(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn in_range(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * (self.0.next_u64() as f64 / u64::MAX as f64)
     }
 
-    pub fn in_cube(&mut self, half: f64) -> DVec3 {
+    pub(crate) fn in_cube(&mut self, half: f64) -> DVec3 {
         let mut draw = || self.in_range(-half, half);
         dvec3(draw(), draw(), draw())
     }
 }
 
 /// A path in a temporary folder of its own.
-pub fn scratch(name: &str) -> (tempfile::TempDir, std::path::PathBuf) {
+pub(crate) fn scratch(name: &str) -> (tempfile::TempDir, std::path::PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     (folder, path)

@@ -225,12 +225,8 @@ fn depth_opacity_and_an_orbit_are_rendered() {
         looking("a", DVec3::new(2.0, 0.0, 0.0)),
         looking("b", DVec3::new(0.0, 3.0, 0.0)),
     ];
-    gspotential::camera::json::write_cameras(
-        &folder.path().join("c.json"),
-        &cameras,
-        glam::DVec3::ZERO,
-    )
-    .unwrap();
+    gspotential::camera::json::write_cameras(&folder.path().join("c.json"), &cameras, DVec3::ZERO)
+        .unwrap();
     let ball = gspotential::gaussians::Gaussians {
         means: vec![Vec3::ZERO],
         scales_log: vec![Vec3::splat(0.1f32.ln())],

@@ -31,7 +31,7 @@ fn texts(folder: &Path, files: &mut Vec<PathBuf>) {
 }
 
 /// The prose of a line: what follows `//` in code, the whole line in a document.
-fn prose<'a>(line: &'a str, is_code: bool) -> Option<&'a str> {
+fn prose(line: &str, is_code: bool) -> Option<&str> {
     let line = line.trim_start();
     if !is_code {
         return Some(line.trim_start_matches(['-', '|', ' ']));

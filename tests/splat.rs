@@ -56,7 +56,7 @@ fn plain_camera() -> Camera {
 }
 
 /// The nearest point of every pixel by looking at all points for each pixel.
-pub fn brute_force(cloud: &PointCloud, camera: &Camera, near: f64) -> Vec<Option<usize>> {
+pub(crate) fn brute_force(cloud: &PointCloud, camera: &Camera, near: f64) -> Vec<Option<usize>> {
     let points: Vec<[f64; 3]> = cloud.positions.iter().map(DVec3::to_array).collect();
     nearest_points(&points, &twin_of(camera, near))
 }

@@ -11,7 +11,7 @@ use gspotential::scene::{LoadOptions, PointCloud, Scene, SceneSource};
 const SCATTER: f64 = 0.02;
 
 /// The built-in scene of this width with a cloud of `n_points`.
-pub fn scene(config: &Config, width: u32, n_points: usize) -> Result<Scene> {
+pub(crate) fn scene(config: &Config, width: u32, n_points: usize) -> Result<Scene> {
     let options = LoadOptions {
         n_test: 1,
         ..LoadOptions::new(config)
@@ -22,7 +22,7 @@ pub fn scene(config: &Config, width: u32, n_points: usize) -> Result<Scene> {
 }
 
 /// `n` points: those of `cloud` spread over its order, or all and copies scattered around them.
-pub fn of_size(cloud: &PointCloud, n: usize) -> PointCloud {
+pub(crate) fn of_size(cloud: &PointCloud, n: usize) -> PointCloud {
     let mut random = Random::new(3);
     let base = |i: usize| match n > cloud.len() {
         true => i % cloud.len(),
@@ -42,7 +42,7 @@ pub fn of_size(cloud: &PointCloud, n: usize) -> PointCloud {
 }
 
 /// A PLY file of `cloud`.
-pub fn ply(cloud: &PointCloud) -> Vec<u8> {
+pub(crate) fn ply(cloud: &PointCloud) -> Vec<u8> {
     let names = ["x", "y", "z"]
         .map(|name| format!("property float {name}\n"))
         .concat();

@@ -1,7 +1,7 @@
 //! `y = c x^e` through points, by least squares in the logarithms.
 
 /// The exponent `e`; NaN for fewer than two sizes.
-pub fn exponent(points: &[(f64, f64)]) -> f64 {
+pub(crate) fn exponent(points: &[(f64, f64)]) -> f64 {
     let logs: Vec<(f64, f64)> = points.iter().map(|(x, y)| (x.ln(), y.ln())).collect();
     let n = logs.len() as f64;
     let mean = |f: fn(&(f64, f64)) -> f64| logs.iter().map(f).sum::<f64>() / n;
@@ -13,7 +13,7 @@ pub fn exponent(points: &[(f64, f64)]) -> f64 {
 
 /// # Panics
 /// If known exponents are not found again.
-pub fn check() {
+pub(crate) fn check() {
     for e in [-1.0, 0.0, 0.5, 1.0, 2.0] {
         let of = |x: f64| (x, 3.0 * x.powf(e));
         let found = exponent(&[of(10.0), of(25.0), of(1e4)]);

@@ -18,7 +18,7 @@ const N_POINTS: usize = 100_000;
 const N_VIEWS: usize = 16;
 
 /// Lets the greatest memory of the process be measured anew, where the system does (Linux).
-pub fn forget_peak() {
+pub(crate) fn forget_peak() {
     // A system that cannot do so keeps the greatest so far.
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
@@ -28,7 +28,7 @@ pub fn forget_peak() {
 ///
 /// # Errors
 /// One of `work`.
-pub fn often(mut work: impl FnMut() -> Result<()>) -> Result<f64> {
+pub(crate) fn often(mut work: impl FnMut() -> Result<()>) -> Result<f64> {
     let mut times = 1;
     loop {
         let seconds = of_cpu(|| (0..times).try_for_each(|_| work()))?;
@@ -43,7 +43,7 @@ pub fn often(mut work: impl FnMut() -> Result<()>) -> Result<f64> {
 ///
 /// # Errors
 /// A scene without a sphere.
-pub fn views(args: &Args, figures: &mut Vec<Figure>) -> Result<()> {
+pub(crate) fn views(args: &Args, figures: &mut Vec<Figure>) -> Result<()> {
     let mut config = Config::preset("paper")?;
     config.scene.max_points = Some(1000);
     let scene = cloud::scene(&config, WIDTH, N_POINTS)?;
@@ -87,7 +87,7 @@ pub fn views(args: &Args, figures: &mut Vec<Figure>) -> Result<()> {
 ///
 /// # Errors
 /// A file that cannot be written or read back.
-pub fn points(args: &Args, figures: &mut Vec<Figure>) -> Result<()> {
+pub(crate) fn points(args: &Args, figures: &mut Vec<Figure>) -> Result<()> {
     let mut config = Config::preset("paper")?;
     config.views.count = N_VIEWS;
     config.scene.max_points = Some(1000);

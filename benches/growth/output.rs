@@ -59,7 +59,7 @@ const DRAWN: [(&str, &str, &[&str]); 4] = [
 ///
 /// # Errors
 /// A file that cannot be written.
-pub fn write(folder: &Path, adapter: &str, figures: &[Figure]) -> Result<()> {
+pub(crate) fn write(folder: &Path, adapter: &str, figures: &[Figure]) -> Result<()> {
     create_dir(folder)?;
     write_file(&folder.join("growth.csv"), &csv(figures)?)?;
     // A system that does not tell its load leaves the place empty.

@@ -9,7 +9,7 @@ use gspotential::render::{LossUniform, Pass, ViewUniform};
 use super::clock::of_gpu;
 
 /// The rasterizer among the stages.
-pub const RASTERIZE: &str = "rasterize";
+pub(crate) const RASTERIZE: &str = "rasterize";
 
 /// A stage and how it is recorded.
 type Stage = (&'static str, fn(&Pass<'_>, &mut Commands<'_>));
@@ -47,7 +47,7 @@ const STAGES: [Stage; N_STAGES] = [
 ];
 
 /// One view.
-pub struct Timed {
+pub(crate) struct Timed {
     /// (tile, Gaussian) pairs that its tiles list.
     pub pairs: f64,
     /// Seconds of the stages.
@@ -58,7 +58,7 @@ pub struct Timed {
 ///
 /// # Errors
 /// A GPU fault.
-pub fn measure(
+pub(crate) fn measure(
     ctx: &Context,
     gaussians: &Gaussians,
     view: ViewUniform,

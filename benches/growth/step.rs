@@ -33,7 +33,7 @@ fn config(n: usize, sh_degree: u32) -> Result<Config> {
 ///
 /// # Errors
 /// A size that the adapter cannot hold.
-pub fn gaussians(ctx: &Context, args: &Args, figures: &mut Vec<Figure>) -> Result<()> {
+pub(crate) fn gaussians(ctx: &Context, args: &Args, figures: &mut Vec<Figure>) -> Result<()> {
     for n in sizes(10_000, args.most_gaussians) {
         let config = config(n, args.sh_degree)?;
         let scene = cloud::scene(&config, WIDTH, n)?;
@@ -54,7 +54,7 @@ pub fn gaussians(ctx: &Context, args: &Args, figures: &mut Vec<Figure>) -> Resul
 ///
 /// # Errors
 /// A size that the adapter cannot hold.
-pub fn pixels(ctx: &Context, args: &Args, figures: &mut Vec<Figure>) -> Result<()> {
+pub(crate) fn pixels(ctx: &Context, args: &Args, figures: &mut Vec<Figure>) -> Result<()> {
     for width in [200, 400, 800, 1600]
         .into_iter()
         .filter(|w| *w <= args.widest)

@@ -10,7 +10,7 @@ use gspotential::scene::{LoadOptions, Scene, SceneSource};
 
 /// What a bench is told of its config.
 #[derive(Args)]
-pub struct Settings {
+pub(crate) struct Settings {
     /// Change a config key; may be given again
     #[arg(long = "set", value_name = "KEY=VALUE")]
     settings: Vec<String>,
@@ -21,7 +21,7 @@ pub struct Settings {
 
 impl Settings {
     /// `config` with the settings, checked.
-    pub fn applied_to(&self, config: Config) -> Result<Config> {
+    pub(crate) fn applied_to(&self, config: Config) -> Result<Config> {
         let set = |config: Config, setting: &String| config.set(setting);
         let config = self.settings.iter().try_fold(config, set)?;
         config.validate()?;
@@ -31,7 +31,7 @@ impl Settings {
 
 /// What a bench on a scene is told.
 #[derive(Args)]
-pub struct SceneArgs {
+pub(crate) struct SceneArgs {
     /// Scene: a folder, or builtin:WIDTH
     #[arg(long, default_value = "builtin")]
     scene: SceneSource,
@@ -41,12 +41,12 @@ pub struct SceneArgs {
 
 impl SceneArgs {
     /// The preset with the settings, checked.
-    pub fn config(&self, preset: &str) -> Result<Config> {
+    pub(crate) fn config(&self, preset: &str) -> Result<Config> {
         self.settings.applied_to(Config::preset(preset)?)
     }
 
     /// The scene at `max_size` pixels or less on its longer side.
-    pub fn load(&self, max_size: u32, options: LoadOptions) -> Result<Scene> {
+    pub(crate) fn load(&self, max_size: u32, options: LoadOptions) -> Result<Scene> {
         let source = self.scene.clone().resolved()?.at_most(max_size);
         let options = LoadOptions {
             max_size: Some(max_size),

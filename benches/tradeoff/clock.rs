@@ -19,7 +19,7 @@ fn cpu_seconds() -> Option<f64> {
 }
 
 /// What a time is.
-pub fn unit() -> &'static str {
+pub(crate) fn unit() -> &'static str {
     match cpu_seconds() {
         Some(_) => "CPU time of the process",
         None => "wall-clock time",
@@ -27,7 +27,7 @@ pub fn unit() -> &'static str {
 }
 
 /// Seconds of `work` on the CPU.
-pub fn of_cpu<T>(work: impl FnOnce() -> Result<T>) -> Result<f64> {
+pub(crate) fn of_cpu<T>(work: impl FnOnce() -> Result<T>) -> Result<f64> {
     let (start, cpu) = (Instant::now(), cpu_seconds());
     work()?;
     Ok(match (cpu, cpu_seconds()) {
@@ -37,7 +37,11 @@ pub fn of_cpu<T>(work: impl FnOnce() -> Result<T>) -> Result<f64> {
 }
 
 /// Seconds of a submission: on a software adapter [`of_cpu`], otherwise by timestamps.
-pub fn of_gpu(
+#[allow(
+    dead_code,
+    reason = "the bench of growth times the GPU, that of the trade-offs does not"
+)]
+pub(crate) fn of_gpu(
     gpu: &Gpu,
     profile: &mut Option<Profile>,
     record: impl FnOnce(&mut Commands<'_>),

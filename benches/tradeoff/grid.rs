@@ -25,7 +25,7 @@ const SECTORS: usize = 16;
 
 /// Times the weights and the draw on grids of several sizes, and takes the total variation between
 /// where the draws fall and the density that a grid without end would give.
-pub fn measure(scene: &Scene, config: &Config, rounds: usize) -> Result<Vec<Measured>> {
+pub(crate) fn measure(scene: &Scene, config: &Config, rounds: usize) -> Result<Vec<Measured>> {
     let cameras: Vec<Camera> = scene.train.iter().map(|view| view.camera.clone()).collect();
     let focus = Focus::find(&cameras, &scene.cloud)?;
     let field = Field::new(&cameras, &focus, &config.field);

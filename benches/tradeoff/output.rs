@@ -28,7 +28,12 @@ const REASONS: [(&str, &str); 3] = [
 ];
 
 /// Writes everything into `folder`, and the tables to stdout.
-pub fn write(folder: &Path, headline: &str, grid: &[Measured], splat: &[Measured]) -> Result<()> {
+pub(crate) fn write(
+    folder: &Path,
+    headline: &str,
+    grid: &[Measured],
+    splat: &[Measured],
+) -> Result<()> {
     create_dir(folder)?;
     let all: Vec<&Measured> = grid.iter().chain(splat).collect();
     write_file(&folder.join("tradeoff.csv"), csv(&all).as_bytes())?;

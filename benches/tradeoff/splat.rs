@@ -11,11 +11,11 @@ use gspotential::scene::Scene;
 use super::Measured;
 use super::clock::of_cpu;
 
-pub const ALL: &str = "point splat, all pixels";
-pub const COVERED: &str = "point splat, covered pixels";
+pub(crate) const ALL: &str = "point splat, all pixels";
+pub(crate) const COVERED: &str = "point splat, covered pixels";
 
 /// Times a splat a view at the test views and scores it against the photographs there.
-pub fn measure(scene: &Scene, config: &Config, rounds: usize) -> Result<Vec<Measured>> {
+pub(crate) fn measure(scene: &Scene, config: &Config, rounds: usize) -> Result<Vec<Measured>> {
     let cameras = |views: &[gspotential::scene::View]| -> Vec<Camera> {
         views.iter().map(|view| view.camera.clone()).collect()
     };

@@ -14,13 +14,13 @@ Examples:
 /// Print a shell's completion script
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
-pub struct CompletionsArgs {
+pub(crate) struct CompletionsArgs {
     /// Shell that is to complete
     shell: Shell,
 }
 
 impl CompletionsArgs {
-    pub fn run(self) -> Result<()> {
+    pub(crate) fn run(self) -> Result<()> {
         let mut script = Vec::new();
         generate(
             self.shell,

@@ -22,7 +22,7 @@ Exit code 1 says that a stage is out of bounds, or that there is no adapter.";
 /// and its bound. Then trains a tiny scene twice and says whether both runs are equal to the bit.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
-pub struct DoctorArgs {
+pub(crate) struct DoctorArgs {
     /// Write the report with every single comparison to this file, too
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -33,7 +33,7 @@ pub struct DoctorArgs {
 }
 
 impl DoctorArgs {
-    pub fn run(self) -> Result<()> {
+    pub(crate) fn run(self) -> Result<()> {
         if let Some(path) = &self.json {
             super::check_output(path, self.overwrite)?;
         }

@@ -6,7 +6,7 @@ use crate::terminal::Table;
 use crate::terminal::progress::short_time;
 
 /// What a run would take, as a table.
-pub fn text(dry: &DryRun) -> String {
+pub(crate) fn text(dry: &DryRun) -> String {
     let mut table = Table::with_text(2, &["", "value"]);
     let mut row = |what: &str, value: String| table.row(&[what.to_owned(), value]);
     let mebibytes = |bytes: u64| format!("{} MiB", bytes >> 20);

@@ -37,7 +37,7 @@ LPIPS needs the weights of its net, a file that is made once, with PyTorch:
 /// its report.html.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
-pub struct EvalArgs {
+pub(crate) struct EvalArgs {
     /// Run directories that `gspotential train` wrote
     #[arg(value_name = "RUN", required = true)]
     runs: Vec<PathBuf>,
@@ -78,7 +78,7 @@ pub struct EvalArgs {
 }
 
 impl EvalArgs {
-    pub fn run(self) -> Result<()> {
+    pub(crate) fn run(self) -> Result<()> {
         // Whatever can be refused is, before the first run is rendered.
         let runs = self.open_runs()?;
         self.check_outputs()?;

@@ -23,7 +23,7 @@ which 3DGS viewers open as it is.";
 /// Write a trained scene as a .spz or .splat file for viewers on the web
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
-pub struct ExportArgs {
+pub(crate) struct ExportArgs {
     /// Run directory, or Gaussians in the 3DGS PLY layout
     #[arg(value_name = "RUN|FILE.ply")]
     model: PathBuf,
@@ -34,7 +34,7 @@ pub struct ExportArgs {
 }
 
 impl ExportArgs {
-    pub fn run(self) -> Result<()> {
+    pub(crate) fn run(self) -> Result<()> {
         let write = match self.out.extension().and_then(|ext| ext.to_str()) {
             Some("spz") => write_spz,
             Some("splat") => write_splat,

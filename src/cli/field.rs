@@ -29,7 +29,7 @@ that are uncovered at least half as much as the worst; nowhere where the cameras
 /// Nothing is trained and no GPU is needed.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
-pub struct FieldArgs {
+pub(crate) struct FieldArgs {
     /// Scene folder with images/ and sparse/0/, or `builtin[:WIDTH]`
     #[arg(long, value_name = "DIR", default_value = "builtin")]
     scene: SceneSource,
@@ -48,7 +48,7 @@ pub struct FieldArgs {
 }
 
 impl FieldArgs {
-    pub fn run(self) -> Result<()> {
+    pub(crate) fn run(self) -> Result<()> {
         let mut config = Config::preset(PRESETS[0].0)?;
         for setting in &self.settings {
             config = config

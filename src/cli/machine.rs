@@ -9,7 +9,7 @@ use crate::terminal::logging::{self, Style};
 
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Machine")]
-pub struct Machine {
+pub(crate) struct Machine {
     /// GPU adapter, by a part of its name [default: the fastest kind]
     #[arg(long, value_name = "NAME", global = true)]
     adapter: Option<String>,
@@ -33,7 +33,7 @@ impl Machine {
     ///
     /// # Errors
     /// Threads that the system does not give.
-    pub fn prepare(&self) -> Result<()> {
+    pub(crate) fn prepare(&self) -> Result<()> {
         logging::start(self.log, self.quiet);
         if let Some(name) = &self.adapter {
             gpu::prefer_adapter(name);
@@ -50,10 +50,10 @@ impl Machine {
 
 /// List the GPU adapters, the one that is taken unless --adapter names another first
 #[derive(Debug, Args)]
-pub struct AdaptersArgs {}
+pub(crate) struct AdaptersArgs {}
 
 impl AdaptersArgs {
-    pub fn run(self) -> Result<()> {
+    pub(crate) fn run(self) -> Result<()> {
         let mut table = Table::with_text(
             4,
             &[

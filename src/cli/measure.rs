@@ -12,7 +12,7 @@ use crate::metrics::lpips::InputRange;
 
 /// How test views are measured.
 #[derive(Clone, Debug, Args)]
-pub struct MeasureArgs {
+pub(crate) struct MeasureArgs {
     /// Measure LPIPS with these weights, AlexNet's or VGG16's
     #[arg(long, value_name = "FILE.safetensors")]
     lpips_weights: Option<PathBuf>,
@@ -29,7 +29,7 @@ pub struct MeasureArgs {
 
 impl MeasureArgs {
     /// Reads the weights.
-    pub fn options(&self) -> Result<EvalOptions> {
+    pub(crate) fn options(&self) -> Result<EvalOptions> {
         let weights = self.lpips_weights.as_deref();
         Ok(EvalOptions {
             lpips: weights

@@ -14,14 +14,14 @@ Examples:
 /// List the presets and where they differ, or every config key
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
-pub struct PresetsArgs {
+pub(crate) struct PresetsArgs {
     /// List every key with its value in each preset and what it means
     #[arg(long)]
     keys: bool,
 }
 
 impl PresetsArgs {
-    pub fn run(self) -> Result<()> {
+    pub(crate) fn run(self) -> Result<()> {
         let shown = if self.keys {
             reference()?
         } else {

@@ -18,7 +18,7 @@ Examples:
 /// Render a trained scene to image files
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES, group = ArgGroup::new("where").required(true))]
-pub struct RenderArgs {
+pub(crate) struct RenderArgs {
     /// Gaussians in the 3DGS PLY layout
     #[arg(long, value_name = "FILE.ply")]
     model: PathBuf,
@@ -49,17 +49,17 @@ pub struct RenderArgs {
     #[arg(long, value_enum, default_value_t = RenderFormat::Png)]
     format: RenderFormat,
 
-    /// Write NAME_depth.exr, too: expected depth in the scene's unit, 0 where nothing is
+    /// Write `NAME_depth.exr`, too: expected depth in the scene's unit, 0 where nothing is
     #[arg(long)]
     depth: bool,
 
-    /// Write NAME_alpha.png, too: opacity, 16 bit
+    /// Write `NAME_alpha.png`, too: opacity, 16 bit
     #[arg(long)]
     alpha: bool,
 }
 
 impl RenderArgs {
-    pub fn run(self) -> Result<()> {
+    pub(crate) fn run(self) -> Result<()> {
         let cameras = match (self.scene, self.cameras) {
             (Some(scene), _) => CameraSource::Scene(scene.resolved()?),
             (None, file) => CameraSource::File(file.unwrap_or_default()),

@@ -25,7 +25,7 @@ not for commercial use (CC BY-NC 4.0).";
 /// No GPU is needed. The photographs' order is kept; a folder's are taken by name.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES, group = ArgGroup::new("from").required(true))]
-pub struct SceneArgs {
+pub(crate) struct SceneArgs {
     /// Photographs, or a folder of them
     #[arg(value_name = "PHOTOGRAPH|DIR", group = "from")]
     photographs: Vec<PathBuf>,
@@ -65,7 +65,7 @@ pub struct SceneArgs {
 }
 
 impl SceneArgs {
-    pub fn run(self) -> Result<()> {
+    pub(crate) fn run(self) -> Result<()> {
         if !(self.confidence > 0.0 && self.confidence <= 1.0) {
             return Err(Error::usage(format!(
                 "--confidence {} is no share above 0, at most 1",

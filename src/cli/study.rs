@@ -26,7 +26,7 @@ their renders on one page.";
 /// Train what a table or figure of the paper needs, and report it
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
-pub struct StudyArgs {
+pub(crate) struct StudyArgs {
     /// Which study
     #[arg(value_enum, value_name = "NAME")]
     name: StudyName,
@@ -73,7 +73,7 @@ pub struct StudyArgs {
 }
 
 impl StudyArgs {
-    pub fn run(self) -> Result<()> {
+    pub(crate) fn run(self) -> Result<()> {
         let options = Options {
             scenes: self.scene,
             out: self.out,

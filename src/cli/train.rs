@@ -30,7 +30,7 @@ then the options of their own (--iterations, --max-size, --max-points, --seed)."
 /// Train a scene and evaluate it at its test views
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
-pub struct TrainArgs {
+pub(crate) struct TrainArgs {
     /// Scene folder, as COLMAP, VGGT, MASt3R, InstantSplat, GaussianObject, nerfstudio or
     /// instant-ngp write it, or `builtin[:WIDTH]` for the scene that the program makes itself
     #[arg(long, value_name = "DIR", default_value = "builtin")]
@@ -131,7 +131,7 @@ pub struct TrainArgs {
 }
 
 impl TrainArgs {
-    pub fn run(mut self) -> Result<()> {
+    pub(crate) fn run(mut self) -> Result<()> {
         let checkpoint_every = self.checkpoint_every.map(NonZeroU32::get);
         if let Some(root) = &self.resume {
             let how = GoOn {

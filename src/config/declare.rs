@@ -64,42 +64,42 @@ const fn interval(low: f64, low_open: bool, high: f64, high_open: bool) -> Rule 
 }
 
 /// Whatever the type holds.
-pub const fn any() -> Rule {
+pub(crate) const fn any() -> Rule {
     rule(Allowed::Any)
 }
 
 /// From `low` to `high`, both included.
-pub const fn within(low: f64, high: f64) -> Rule {
+pub(crate) const fn within(low: f64, high: f64) -> Rule {
     interval(low, false, high, false)
 }
 
 /// From `low` to `high`, `low` excluded.
-pub const fn above_to(low: f64, high: f64) -> Rule {
+pub(crate) const fn above_to(low: f64, high: f64) -> Rule {
     interval(low, true, high, false)
 }
 
 /// From `low` to `high`, `high` excluded.
-pub const fn from_below(low: f64, high: f64) -> Rule {
+pub(crate) const fn from_below(low: f64, high: f64) -> Rule {
     interval(low, false, high, true)
 }
 
 /// From `low` to `high`, both excluded.
-pub const fn between(low: f64, high: f64) -> Rule {
+pub(crate) const fn between(low: f64, high: f64) -> Rule {
     interval(low, true, high, true)
 }
 
 /// Any finite number above 0.
-pub const fn positive() -> Rule {
+pub(crate) const fn positive() -> Rule {
     between(0.0, f64::INFINITY)
 }
 
 /// Any finite number from `low`.
-pub const fn at_least(low: f64) -> Rule {
+pub(crate) const fn at_least(low: f64) -> Rule {
     from_below(low, f64::INFINITY)
 }
 
 /// 0, or from `low` to `high`.
-pub const fn zero_or(low: f64, high: f64) -> Rule {
+pub(crate) const fn zero_or(low: f64, high: f64) -> Rule {
     rule(Allowed::ZeroOr(Interval {
         low,
         low_open: false,
@@ -109,7 +109,7 @@ pub const fn zero_or(low: f64, high: f64) -> Rule {
 }
 
 /// The side of a window that has a middle pixel.
-pub const fn odd_window() -> Rule {
+pub(crate) const fn odd_window() -> Rule {
     rule(Allowed::Odd(63.0))
 }
 
@@ -168,7 +168,7 @@ impl Display for Allowed {
 
 /// A key, or a section of keys, with the value that a config has.
 #[derive(Clone, Debug)]
-pub struct Entry {
+pub(crate) struct Entry {
     /// The dotted name as `--set` takes it.
     pub key: String,
     pub doc: String,
@@ -183,7 +183,7 @@ pub struct Entry {
 }
 
 /// What a key can hold.
-pub trait Value {
+pub(crate) trait Value {
     const NULLABLE: bool = false;
     const CHOICES: &'static [&'static str] = &[];
 

@@ -14,7 +14,7 @@ pub(super) struct Luma {
 
 impl Luma {
     /// Averages over squares of `side` pixels; what is left at the borders is not used.
-    pub fn new(map: &DepthMap, side: usize) -> Luma {
+    pub(crate) fn new(map: &DepthMap, side: usize) -> Luma {
         let row = map.camera.width as usize;
         let (width, height) = (row / side, map.camera.height as usize / side);
         let level = |[r, g, b]: [u8; 3]| {
@@ -37,7 +37,7 @@ impl Luma {
     }
 
     /// Between the centres of four squares; none beyond the outermost centres.
-    pub fn at(&self, place: DVec2) -> Option<f64> {
+    pub(crate) fn at(&self, place: DVec2) -> Option<f64> {
         let corner = place / self.side - DVec2::splat(0.5);
         if !(corner.x >= 0.0 && corner.y >= 0.0) {
             return None;

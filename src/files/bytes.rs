@@ -7,25 +7,25 @@ use crate::error::{Error, Result};
 use crate::files::read_file;
 
 /// Reads a whole file of a scene. Pipes and devices, which may have no end, are refused.
-pub fn read_regular(path: &Path) -> Result<Vec<u8>> {
+pub(crate) fn read_regular(path: &Path) -> Result<Vec<u8>> {
     if path.exists() && !path.is_file() {
         return Err(Error::new("not a regular file").at_path(path));
     }
     read_file(path)
 }
 
-pub struct Reader<'a> {
+pub(crate) struct Reader<'a> {
     bytes: &'a [u8],
     position: usize,
 }
 
 impl<'a> Reader<'a> {
-    pub fn new(bytes: &'a [u8]) -> Self {
+    pub(crate) fn new(bytes: &'a [u8]) -> Self {
         Self { bytes, position: 0 }
     }
 
     /// Offset of the next unread byte.
-    pub fn position(&self) -> usize {
+    pub(crate) fn position(&self) -> usize {
         self.position
     }
 
@@ -56,23 +56,23 @@ impl<'a> Reader<'a> {
         Ok(array)
     }
 
-    pub fn i32(&mut self, what: &str) -> Result<i32> {
+    pub(crate) fn i32(&mut self, what: &str) -> Result<i32> {
         Ok(i32::from_le_bytes(self.array(what)?))
     }
 
-    pub fn u64(&mut self, what: &str) -> Result<u64> {
+    pub(crate) fn u64(&mut self, what: &str) -> Result<u64> {
         Ok(u64::from_le_bytes(self.array(what)?))
     }
 
-    pub fn f64(&mut self, what: &str) -> Result<f64> {
+    pub(crate) fn f64(&mut self, what: &str) -> Result<f64> {
         Ok(f64::from_le_bytes(self.array(what)?))
     }
 
-    pub fn rgb(&mut self, what: &str) -> Result<[u8; 3]> {
+    pub(crate) fn rgb(&mut self, what: &str) -> Result<[u8; 3]> {
         self.array(what)
     }
 
-    pub fn f64s<const N: usize>(&mut self, what: &str) -> Result<[f64; N]> {
+    pub(crate) fn f64s<const N: usize>(&mut self, what: &str) -> Result<[f64; N]> {
         let mut values = [0.0; N];
         for value in &mut values {
             *value = self.f64(what)?;
@@ -82,7 +82,7 @@ impl<'a> Reader<'a> {
 
     /// A `u64` count of `what` that take at least `item_bytes` each: a count that the rest of
     /// the file has no room for is refused before anything is allocated or looped over.
-    pub fn count(&mut self, item_bytes: usize, what: &str) -> Result<usize> {
+    pub(crate) fn count(&mut self, item_bytes: usize, what: &str) -> Result<usize> {
         let at = self.position;
         let count = self.u64(what)?;
         let room = self.rest().len() / item_bytes;
@@ -99,7 +99,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Skips a `u64` count and that many items of exactly `item_bytes`.
-    pub fn skip_list(&mut self, item_bytes: usize, what: &str) -> Result<()> {
+    pub(crate) fn skip_list(&mut self, item_bytes: usize, what: &str) -> Result<()> {
         let count = self.count(item_bytes, what)?;
         // The count was held against the rest of the file, so the product is within it.
         self.take(count * item_bytes, what)?;
@@ -107,7 +107,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Bytes up to a NUL, which is consumed.
-    pub fn nul_terminated(&mut self, what: &str) -> Result<&'a [u8]> {
+    pub(crate) fn nul_terminated(&mut self, what: &str) -> Result<&'a [u8]> {
         let rest = self.rest();
         let Some(length) = rest.iter().position(|&b| b == 0) else {
             return Err(self.truncated(what, rest.len() as u64 + 1));

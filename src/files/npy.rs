@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 /// # Errors
 ///
 /// Not such an array, or data that do not fill its shape exactly.
-pub fn read_vector(bytes: &[u8]) -> Result<Vec<f32>> {
+pub(crate) fn read_vector(bytes: &[u8]) -> Result<Vec<f32>> {
     let (header, data) = split(bytes)?;
     let header = Header::parse(header)?;
     let mut lengths = header.shape.iter().copied().filter(|n| *n != 1);

@@ -15,7 +15,7 @@ use crate::config::ModelConfig;
 use crate::error::{Error, Result};
 use crate::scene::PointCloud;
 
-/// Degree-0 spherical harmonic, `1 / (2 sqrt(pi))`: colour = 0.5 + SH_0 * f_dc + ...
+/// Degree-0 spherical harmonic, `1 / (2 sqrt(pi))`: colour = 0.5 + `SH_0` * `f_dc` + ...
 pub const SH_0: f64 = 0.28209479177387814;
 
 /// Highest spherical-harmonics degree.

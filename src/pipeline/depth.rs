@@ -12,7 +12,7 @@ use crate::render::{Model, Renderer, ViewUniform};
 ///
 /// # Errors
 /// A view that the adapter cannot hold, or a GPU fault.
-pub fn depth(
+pub(crate) fn depth(
     gpu: &Gpu,
     renderer: &mut Renderer,
     gaussians: &Gaussians,

@@ -10,7 +10,7 @@ use crate::field::Focus;
 ///
 /// # Errors
 /// No camera.
-pub fn orbit(cameras: &[Camera], focus: &Focus, n: u32) -> Result<Vec<Camera>> {
+pub(crate) fn orbit(cameras: &[Camera], focus: &Focus, n: u32) -> Result<Vec<Camera>> {
     let Some(first) = cameras.first() else {
         return Err(Error::new("there is no camera to orbit from"));
     };

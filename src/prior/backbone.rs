@@ -40,7 +40,7 @@ pub(super) struct Features {
 }
 
 impl Backbone {
-    pub fn read(weights: &mut Weights, model: &Model) -> Result<Backbone> {
+    pub(crate) fn read(weights: &mut Weights, model: &Model) -> Result<Backbone> {
         let c = model.channels;
         let name = |of: &str| format!("backbone.pretrained.{of}");
         let block = |weights: &mut Weights, i: usize| {
@@ -68,7 +68,12 @@ impl Backbone {
 
     /// The features of all views. `cameras`, `[views][channels]`, stand for known cameras; without
     /// them a reference view is chosen.
-    pub fn apply(&self, images: &Images, cameras: Option<&[f32]>, watch: Watch<'_>) -> Features {
+    pub(crate) fn apply(
+        &self,
+        images: &Images,
+        cameras: Option<&[f32]>,
+        watch: Watch<'_>,
+    ) -> Features {
         let c = self.model.channels;
         let (rows, columns) = images.patches();
         let n_patches = rows * columns;

@@ -52,7 +52,7 @@ pub(super) struct BlockSpec {
 const QK_EPSILON: f32 = 1e-5;
 
 impl Block {
-    pub fn read(weights: &mut Weights, name: &str, spec: BlockSpec) -> Result<Block> {
+    pub(crate) fn read(weights: &mut Weights, name: &str, spec: BlockSpec) -> Result<Block> {
         let c = spec.channels;
         let d = c / spec.n_heads;
         let gated = weights.shape(&format!("{name}.mlp.w12.weight"));
@@ -94,7 +94,7 @@ impl Block {
 
     /// Runs the block on `x`, `[tokens][channels]`, in place. Tokens attend to those of their own
     /// group of `group` consecutive ones; `rope` turns queries and keys by each token's place.
-    pub fn apply(&self, x: &mut [f32], group: usize, rope: Option<&Rope>) {
+    pub(crate) fn apply(&self, x: &mut [f32], group: usize, rope: Option<&Rope>) {
         let mut qkv = self.qkv.apply(&self.norm1.apply(x));
         self.prepare(&mut qkv, rope);
         let attended = attention(&qkv, self.proj.n_in, self.n_heads, group);

@@ -48,7 +48,7 @@ pub(super) struct Dense {
 }
 
 impl Head {
-    pub fn read(weights: &mut Weights, model: &Model) -> Result<Head> {
+    pub(crate) fn read(weights: &mut Weights, model: &Model) -> Result<Head> {
         let (c, f) = (2 * model.channels, model.features);
         let outs = model.out_channels;
         let name = |of: &str| format!("head.{of}");
@@ -114,7 +114,7 @@ impl Head {
     }
 
     /// Depth of one view from its four maps, `[patches][2 channels]` each, for a grid of patches.
-    pub fn apply(
+    pub(crate) fn apply(
         &self,
         maps: [&[f32]; 4],
         (rows, columns): (usize, usize),

@@ -22,13 +22,22 @@ pub(super) struct Linear {
 }
 
 impl Linear {
-    pub fn read(weights: &mut Weights, name: &str, n_in: usize, n_out: usize) -> Result<Linear> {
+    pub(crate) fn read(
+        weights: &mut Weights,
+        name: &str,
+        n_in: usize,
+        n_out: usize,
+    ) -> Result<Linear> {
         Self::read_shaped(weights, name, &[n_out, n_in])
     }
 
     /// The weights of a convolution whose every input pixel is used once: 1x1, or patches side by
     /// side. The shape begins with `n_out`.
-    pub fn read_shaped(weights: &mut Weights, name: &str, shape: &[usize]) -> Result<Linear> {
+    pub(crate) fn read_shaped(
+        weights: &mut Weights,
+        name: &str,
+        shape: &[usize],
+    ) -> Result<Linear> {
         let n_out = shape[0];
         Ok(Linear {
             n_in: shape[1..].iter().product(),
@@ -39,7 +48,7 @@ impl Linear {
     }
 
     /// `[rows][n_in]` to `[rows][n_out]`.
-    pub fn apply(&self, x: &[f32]) -> Vec<f32> {
+    pub(crate) fn apply(&self, x: &[f32]) -> Vec<f32> {
         let mut out = vec![0.0; x.len() / self.n_in * self.n_out];
         out.par_chunks_mut(BAND_ROWS * self.n_out)
             .zip(x.par_chunks(BAND_ROWS * self.n_in))
@@ -48,7 +57,7 @@ impl Linear {
     }
 
     /// `x += gamma (W values + b)`, gamma one a channel.
-    pub fn add_scaled_to(&self, x: &mut [f32], values: &[f32], gamma: &[f32]) {
+    pub(crate) fn add_scaled_to(&self, x: &mut [f32], values: &[f32], gamma: &[f32]) {
         x.par_chunks_mut(BAND_ROWS * self.n_out)
             .zip(values.par_chunks(BAND_ROWS * self.n_in))
             .for_each_init(Vec::new, |made, (x, values)| {
@@ -93,7 +102,12 @@ pub(super) struct LayerNorm {
 }
 
 impl LayerNorm {
-    pub fn read(weights: &mut Weights, name: &str, n: usize, epsilon: f32) -> Result<LayerNorm> {
+    pub(crate) fn read(
+        weights: &mut Weights,
+        name: &str,
+        n: usize,
+        epsilon: f32,
+    ) -> Result<LayerNorm> {
         Ok(LayerNorm {
             weight: weights.tensor(&format!("{name}.weight"), &[n])?,
             bias: weights.tensor(&format!("{name}.bias"), &[n])?,
@@ -101,7 +115,7 @@ impl LayerNorm {
         })
     }
 
-    pub fn apply(&self, x: &[f32]) -> Vec<f32> {
+    pub(crate) fn apply(&self, x: &[f32]) -> Vec<f32> {
         let mut out = x.to_vec();
         let n = self.weight.len();
         out.par_chunks_mut(BAND_ROWS * n)
@@ -110,7 +124,7 @@ impl LayerNorm {
     }
 
     /// One row in place.
-    pub fn row(&self, row: &mut [f32]) {
+    pub(crate) fn row(&self, row: &mut [f32]) {
         let n = row.len() as f32;
         let mean = sum(row, |x| x) / n;
         let variance = sum(row, |x| (x - mean) * (x - mean)) / n;

@@ -27,7 +27,7 @@ pub(super) struct Map {
 impl Map {
     /// Adds where each pixel is, by sines and cosines of its place on an image plane of aspect
     /// `width / height` whose diagonal is 2.
-    pub fn add_places(&mut self, aspect: f64) {
+    pub(crate) fn add_places(&mut self, aspect: f64) {
         let diagonal = aspect.hypot(1.0);
         let by_column = places(self.width, aspect / diagonal, self.channels / 4);
         let by_row = places(self.height, 1.0 / diagonal, self.channels / 4);
@@ -50,7 +50,7 @@ impl Map {
     }
 
     /// Bilinear interpolation in which the corners of both maps coincide.
-    pub fn resized(&self, height: usize, width: usize) -> Map {
+    pub(crate) fn resized(&self, height: usize, width: usize) -> Map {
         let (rows, columns) = (
             corner_taps(self.height, height),
             corner_taps(self.width, width),
@@ -82,13 +82,13 @@ impl Map {
         }
     }
 
-    pub fn add(&mut self, other: &Map) {
+    pub(crate) fn add(&mut self, other: &Map) {
         let (values, others) = (self.values.par_iter_mut(), other.values.par_iter());
         values.zip(others).for_each(|(a, b)| *a += b);
     }
 
     /// A 1x1 convolution.
-    pub fn pixelwise(&self, linear: &Linear) -> Map {
+    pub(crate) fn pixelwise(&self, linear: &Linear) -> Map {
         Map {
             channels: linear.n_out,
             values: linear.apply(&self.values),
@@ -143,7 +143,12 @@ pub(super) struct Conv3 {
 }
 
 impl Conv3 {
-    pub fn read(weights: &mut Weights, name: &str, n_in: usize, n_out: usize) -> Result<Conv3> {
+    pub(crate) fn read(
+        weights: &mut Weights,
+        name: &str,
+        n_in: usize,
+        n_out: usize,
+    ) -> Result<Conv3> {
         let bias = weights.tensor(&format!("{name}.bias"), &[n_out])?;
         Ok(Conv3 {
             bias,
@@ -151,7 +156,7 @@ impl Conv3 {
         })
     }
 
-    pub fn read_without_bias(
+    pub(crate) fn read_without_bias(
         weights: &mut Weights,
         name: &str,
         n_in: usize,
@@ -168,16 +173,16 @@ impl Conv3 {
         })
     }
 
-    pub fn with_stride(self, stride: usize) -> Conv3 {
+    pub(crate) fn with_stride(self, stride: usize) -> Conv3 {
         Conv3 { stride, ..self }
     }
 
-    pub fn apply(&self, input: &Map) -> Map {
+    pub(crate) fn apply(&self, input: &Map) -> Map {
         self.apply_after(input, |x| x)
     }
 
     /// The convolution of the rectified map.
-    pub fn apply_rectified(&self, input: &Map) -> Map {
+    pub(crate) fn apply_rectified(&self, input: &Map) -> Map {
         self.apply_after(input, |x| x.max(0.0))
     }
 
@@ -266,7 +271,12 @@ pub(super) struct Spread {
 }
 
 impl Spread {
-    pub fn read(weights: &mut Weights, name: &str, channels: usize, side: usize) -> Result<Spread> {
+    pub(crate) fn read(
+        weights: &mut Weights,
+        name: &str,
+        channels: usize,
+        side: usize,
+    ) -> Result<Spread> {
         let shape = [channels, channels, side, side];
         let stored = weights.tensor(&format!("{name}.weight"), &shape)?;
         // `[n_in][n_out][taps]` to `[taps][n_out][n_in]`.
@@ -284,7 +294,7 @@ impl Spread {
         })
     }
 
-    pub fn apply(&self, input: &Map) -> Map {
+    pub(crate) fn apply(&self, input: &Map) -> Map {
         let (side, c) = (self.side, self.channels);
         let (height, width) = (input.height * side, input.width * side);
         let mut values = vec![0.0; height * width * c];

@@ -19,7 +19,7 @@ pub(super) struct Strided<'a> {
 
 impl<'a> Strided<'a> {
     /// Rows one after the other.
-    pub fn rows(values: &'a [f32], rows: usize, columns: usize) -> Strided<'a> {
+    pub(crate) fn rows(values: &'a [f32], rows: usize, columns: usize) -> Strided<'a> {
         Strided {
             values,
             rows,
@@ -29,7 +29,7 @@ impl<'a> Strided<'a> {
         }
     }
 
-    pub fn transposed(self) -> Strided<'a> {
+    pub(crate) fn transposed(self) -> Strided<'a> {
         Strided {
             rows: self.columns,
             columns: self.rows,

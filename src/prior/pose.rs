@@ -33,7 +33,7 @@ pub(super) struct CameraEncoder {
 }
 
 impl CameraEncoder {
-    pub fn read(weights: &mut Weights, model: &Model) -> Result<CameraEncoder> {
+    pub(crate) fn read(weights: &mut Weights, model: &Model) -> Result<CameraEncoder> {
         let c = model.channels;
         let spec = BlockSpec {
             channels: c,
@@ -56,7 +56,7 @@ impl CameraEncoder {
     }
 
     /// `[views][channels]`.
-    pub fn apply(&self, encodings: &[PoseEncoding]) -> Vec<f32> {
+    pub(crate) fn apply(&self, encodings: &[PoseEncoding]) -> Vec<f32> {
         let mut hidden = self.fc1.apply(encodings.as_flattened());
         gelu(&mut hidden);
         let mut x = self.token_norm.apply(&self.fc2.apply(&hidden));
@@ -76,7 +76,7 @@ pub(super) struct CameraDecoder {
 }
 
 impl CameraDecoder {
-    pub fn read(weights: &mut Weights, model: &Model) -> Result<CameraDecoder> {
+    pub(crate) fn read(weights: &mut Weights, model: &Model) -> Result<CameraDecoder> {
         let c = 2 * model.channels;
         let mut linear = |name: &str, n| Linear::read(weights, &format!("cam_dec.{name}"), c, n);
         Ok(CameraDecoder {
@@ -88,7 +88,7 @@ impl CameraDecoder {
     }
 
     /// One encoding for each row of `[views][2 channels]`.
-    pub fn apply(&self, tokens: &[f32]) -> Vec<PoseEncoding> {
+    pub(crate) fn apply(&self, tokens: &[f32]) -> Vec<PoseEncoding> {
         let mut x = tokens.to_vec();
         for layer in &self.hidden {
             x = layer.apply(&x);

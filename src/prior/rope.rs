@@ -14,13 +14,13 @@ pub(super) struct Rope {
 
 impl Rope {
     /// The special token is at (0, 0) and patch (r, c) at (r + 1, c + 1).
-    pub fn of_grid(rows: usize, columns: usize, head_dim: usize) -> Rope {
+    pub(crate) fn of_grid(rows: usize, columns: usize, head_dim: usize) -> Rope {
         let patches = (0..rows).flat_map(|r| (0..columns).map(move |c| [r + 1, c + 1]));
         Self::new(std::iter::once([0, 0]).chain(patches).collect(), head_dim)
     }
 
     /// Every patch is at (1, 1), which only tells them from the special token.
-    pub fn without_place(n_patches: usize, head_dim: usize) -> Rope {
+    pub(crate) fn without_place(n_patches: usize, head_dim: usize) -> Rope {
         let patches = std::iter::repeat_n([1, 1], n_patches);
         Self::new(std::iter::once([0, 0]).chain(patches).collect(), head_dim)
     }
@@ -43,7 +43,7 @@ impl Rope {
 
     /// Turns one head's channels of a token: the first half by y, the second by x. Tokens of
     /// further groups are numbered on.
-    pub fn turn(&self, head: &mut [f32], token: usize) {
+    pub(crate) fn turn(&self, head: &mut [f32], token: usize) {
         let place = self.positions[token % self.positions.len()];
         let n = self.n_frequencies;
         for (half, position) in head.chunks_exact_mut(2 * n).zip(place) {

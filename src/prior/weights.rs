@@ -30,32 +30,32 @@ impl Weights {
     /// # Errors
     /// No regular file, no safetensors file, a file that is cut short or of another model, all with
     /// what to give instead.
-    pub fn open(path: &Path) -> Result<Weights> {
+    pub(crate) fn open(path: &Path) -> Result<Weights> {
         open(path).map_err(|e| e.at_path(path))
     }
 
     /// Whether tensors are only checked from now on.
-    pub fn set_dry(&mut self, dry: bool) {
+    pub(crate) fn set_dry(&mut self, dry: bool) {
         self.dry = dry;
     }
 
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
     /// Numbers in all tensors.
-    pub fn n_parameters(&self) -> u64 {
+    pub(crate) fn n_parameters(&self) -> u64 {
         let sizes = self.metadata.tensors().into_values();
         let counts = sizes.map(|info| info.shape.iter().map(|n| *n as u64).product::<u64>());
         counts.sum()
     }
 
-    pub fn names(&self) -> impl Iterator<Item = String> {
+    pub(crate) fn names(&self) -> impl Iterator<Item = String> {
         self.metadata.offset_keys().into_iter()
     }
 
     /// The shape of a tensor, if it is there.
-    pub fn shape(&self, name: &str) -> Option<&[usize]> {
+    pub(crate) fn shape(&self, name: &str) -> Option<&[usize]> {
         self.info(name).map(|info| info.shape.as_slice())
     }
 
@@ -67,7 +67,7 @@ impl Weights {
     ///
     /// # Errors
     /// Any other tensor, by its name; a file that cannot be read.
-    pub fn tensor(&mut self, name: &str, shape: &[usize]) -> Result<Vec<f32>> {
+    pub(crate) fn tensor(&mut self, name: &str, shape: &[usize]) -> Result<Vec<f32>> {
         let read = self.read(name, shape);
         read.map_err(|e| {
             e.at(format!("tensor `{}`", full_name(name)))

@@ -9,18 +9,18 @@ const LETTERS: &str = include_str!("lettering.txt");
 const PER_ROW: u32 = 16;
 
 /// Height of a letter, the descender included, pixels at scale 1.
-pub const LINE_HEIGHT: u32 = 9;
+pub(crate) const LINE_HEIGHT: u32 = 9;
 
 /// From a letter to the next, pixels at scale 1.
 const ADVANCE: u32 = 6;
 
 /// Width of a line, pixels.
-pub fn text_width(text: &str, scale: u32) -> u32 {
+pub(crate) fn text_width(text: &str, scale: u32) -> u32 {
     ADVANCE * scale * text.chars().count() as u32
 }
 
 /// The line, with `..` for what does not fit into `width` pixels.
-pub fn shortened(text: &str, width: u32, scale: u32) -> String {
+pub(crate) fn shortened(text: &str, width: u32, scale: u32) -> String {
     let room = (width / (ADVANCE * scale)) as usize;
     if text.chars().count() <= room {
         return text.to_owned();
@@ -30,7 +30,13 @@ pub fn shortened(text: &str, width: u32, scale: u32) -> String {
 }
 
 /// Writes a line with its upper left corner at `(x, y)`; what lies beyond the page is left out.
-pub fn write_text(page: &mut Image, text: &str, (x, y): (u32, u32), scale: u32, color: [u8; 3]) {
+pub(crate) fn write_text(
+    page: &mut Image,
+    text: &str,
+    (x, y): (u32, u32),
+    scale: u32,
+    color: [u8; 3],
+) {
     for (i, letter) in text.chars().enumerate() {
         let left = x + ADVANCE * scale * i as u32;
         for (column, row) in ink(letter) {
@@ -41,7 +47,7 @@ pub fn write_text(page: &mut Image, text: &str, (x, y): (u32, u32), scale: u32, 
 }
 
 /// Fills a rectangle as far as it lies on the page.
-pub fn fill(
+pub(crate) fn fill(
     page: &mut Image,
     (left, top): (u32, u32),
     (width, height): (u32, u32),

@@ -7,11 +7,11 @@ use crate::error::{Error, Result};
 
 /// The file whose lock it is. It stays: what counts is the lock, which the system releases with
 /// the process, however that ends.
-pub const LOCK_FILE: &str = ".lock";
+pub(crate) const LOCK_FILE: &str = ".lock";
 
 /// Held by the process that writes a run; released when dropped.
 #[derive(Debug)]
-pub struct RunLock {
+pub(crate) struct RunLock {
     _file: File,
 }
 
@@ -20,7 +20,7 @@ impl RunLock {
     ///
     /// # Errors
     /// Another process holds the lock.
-    pub fn take(root: &Path) -> Result<RunLock> {
+    pub(crate) fn take(root: &Path) -> Result<RunLock> {
         let file = OpenOptions::new()
             .create(true)
             .truncate(false)

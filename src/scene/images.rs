@@ -27,13 +27,13 @@ pub(super) struct Matched {
 
 impl Matched {
     /// Whether a name is that of some view, pose or photograph.
-    pub fn knows(&self, name: &str) -> bool {
+    pub(crate) fn knows(&self, name: &str) -> bool {
         let known = self.without_image.contains(name) || self.without_pose.contains(name);
         known || self.index(name).is_some()
     }
 
     /// The view of a name, or else the only one whose name differs in spelling alone.
-    pub fn index(&self, name: &str) -> Option<usize> {
+    pub(crate) fn index(&self, name: &str) -> Option<usize> {
         if let Some(&index) = self.by_name.get(name) {
             return Some(index);
         }

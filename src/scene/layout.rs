@@ -68,7 +68,11 @@ impl Intrinsics {
     /// # Errors
     ///
     /// Values that no camera has. Whether a distortion can be undone is seen when it is.
-    pub fn new(size: [f64; 2], params: [f64; 4], distortion: Distortion) -> Result<Intrinsics> {
+    pub(crate) fn new(
+        size: [f64; 2],
+        params: [f64; 4],
+        distortion: Distortion,
+    ) -> Result<Intrinsics> {
         let [width, height] = size;
         let fits = |side: f64| (1.0..=MAX_SIDE).contains(&side) && side.fract() == 0.0;
         if !fits(width) || !fits(height) {
@@ -90,7 +94,7 @@ impl Intrinsics {
     }
 
     /// The camera of the image `name`; `rotation` and `translation` are world-to-camera.
-    pub fn posed(&self, name: String, rotation: DMat3, translation: DVec3) -> PosedCamera {
+    pub(crate) fn posed(&self, name: String, rotation: DMat3, translation: DVec3) -> PosedCamera {
         PosedCamera {
             camera: Camera {
                 name,

@@ -38,8 +38,8 @@ const GRID: u32 = 48;
 /// y' = y R + 2 p2 x y + p1 (s + 2 y^2) + sy s         / (1 + d1 s + d2 s^2 + d3 s^3)
 /// ```
 ///
-/// COLMAP's OPENCV has `k1 k2 p1 p2`; FULL_OPENCV also `k3` and the `d`; the fisheye models
-/// `k1` to `k4`, and THIN_PRISM_FISHEYE also `p` and `s`. The default is no distortion.
+/// COLMAP's OPENCV has `k1 k2 p1 p2`; `FULL_OPENCV` also `k3` and the `d`; the fisheye models
+/// `k1` to `k4`, and `THIN_PRISM_FISHEYE` also `p` and `s`. The default is no distortion.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Distortion {
     pub fisheye: bool,
@@ -55,7 +55,7 @@ pub(super) struct Distortion {
 
 impl Distortion {
     /// OpenCV's first four coefficients, `[k1, k2, p1, p2]`.
-    pub fn opencv([k1, k2, p1, p2]: [f64; 4]) -> Distortion {
+    pub(crate) fn opencv([k1, k2, p1, p2]: [f64; 4]) -> Distortion {
         Distortion {
             radial: [k1, k2, 0.0, 0.0],
             tangential: [p1, p2],
@@ -64,7 +64,7 @@ impl Distortion {
     }
 
     /// OpenCV's fisheye model with `[k1, k2, k3, k4]`.
-    pub fn fisheye(radial: [f64; 4]) -> Distortion {
+    pub(crate) fn fisheye(radial: [f64; 4]) -> Distortion {
         Distortion {
             fisheye: true,
             radial,
@@ -74,7 +74,7 @@ impl Distortion {
 
     /// The distortion, or none where it leaves every ray as it is. Coefficients that are not finite
     /// are refused.
-    pub fn checked(self) -> Result<Option<Distortion>> {
+    pub(crate) fn checked(self) -> Result<Option<Distortion>> {
         if let Some(bad) = self.coefficients().find(|k| !k.is_finite()) {
             return Err(Error::new(format!(
                 "distortion coefficient {bad} is not finite"
@@ -97,7 +97,7 @@ impl Distortion {
     }
 
     /// The place at which the ray through `p` on the plane at depth 1 ends.
-    pub fn distort(&self, p: DVec2) -> DVec2 {
+    pub(crate) fn distort(&self, p: DVec2) -> DVec2 {
         let q = self.bent(p);
         let [p1, p2] = self.tangential;
         let r2 = q.length_squared();

@@ -58,7 +58,7 @@ struct Listing {
 }
 
 impl Folder {
-    pub fn new(root: &Path) -> Folder {
+    pub(crate) fn new(root: &Path) -> Folder {
         Folder {
             root: root.to_owned(),
             listed: RefCell::default(),
@@ -67,14 +67,14 @@ impl Folder {
 
     /// Whether `name` itself is a file's path here, links followed, and not of a format that is
     /// not read.
-    pub fn has(&self, name: &str) -> bool {
+    pub(crate) fn has(&self, name: &str) -> bool {
         !is_unread(name) && self.root.join(name).is_file()
     }
 
     /// Looks for the photograph `name`: by its path, then but for its spelling, then but for its
     /// suffix on either side, and then its last parts alone in the same way. Files that `is_free`
     /// says false of are passed over, except under their own path.
-    pub fn find(&self, name: &str, is_free: impl Fn(&str) -> bool) -> Lookup {
+    pub(crate) fn find(&self, name: &str, is_free: impl Fn(&str) -> bool) -> Lookup {
         let is_plain = name.split('/').all(|part| !part.is_empty() && part != ".");
         if is_plain && self.has(name) {
             return Lookup::Found(name.to_owned(), How::Path);
@@ -148,7 +148,7 @@ impl Folder {
 
     /// All photographs here and in the folders below, links to folders followed once each; those
     /// that are not read apart.
-    pub fn photographs(&self) -> (Vec<String>, Vec<String>) {
+    pub(crate) fn photographs(&self) -> (Vec<String>, Vec<String>) {
         let mut found = (Vec::new(), Vec::new());
         let mut seen = Vec::new();
         let mut places = vec![String::new()];
@@ -168,7 +168,7 @@ impl Folder {
     }
 
     /// Those in the folder `place` alone, which is empty or ends in `/`.
-    pub fn photographs_in(&self, place: &str, found: &mut (Vec<String>, Vec<String>)) {
+    pub(crate) fn photographs_in(&self, place: &str, found: &mut (Vec<String>, Vec<String>)) {
         for name in &self.list(place).files {
             // macOS leaves a `._a.jpg` with a photograph's attributes on foreign disks.
             if name.starts_with("._") {

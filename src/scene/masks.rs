@@ -28,14 +28,14 @@ const MAX_VEIL: f64 = 0.01;
 pub(super) struct Masks(Option<PathBuf>);
 
 impl Masks {
-    pub fn of(scene: &Path) -> Masks {
+    pub(crate) fn of(scene: &Path) -> Masks {
         let dir = scene.join("masks");
         Masks(dir.is_dir().then_some(dir))
     }
 
     /// The mask's file of the photograph `name` (`left/a.jpg`): `left/a.jpg.png`, as COLMAP names
     /// them, or else `left/a.png`.
-    pub fn file(&self, name: &str) -> Option<PathBuf> {
+    pub(crate) fn file(&self, name: &str) -> Option<PathBuf> {
         let dir = self.0.as_ref()?;
         let names = [format!("{name}.png"), format!("{}.png", stem(name))];
         names
@@ -45,7 +45,7 @@ impl Masks {
     }
 
     /// A line for the log where there is the folder, but not a mask for every view.
-    pub fn missing<'a>(&self, views: impl Iterator<Item = &'a str>) -> Option<String> {
+    pub(crate) fn missing<'a>(&self, views: impl Iterator<Item = &'a str>) -> Option<String> {
         self.0.as_ref()?;
         let views: BTreeSet<&str> = views.collect();
         let without: Vec<&&str> = views.iter().filter(|v| self.file(v).is_none()).collect();
@@ -116,7 +116,7 @@ pub(super) enum Unbelieved {
 
 impl Unbelieved {
     /// For the log, of `names`, at least one.
-    pub fn line(self, names: &[String]) -> String {
+    pub(crate) fn line(self, names: &[String]) -> String {
         let (what, why) = match self {
             Unbelieved::AlmostOpaque => (
                 "leave next to nothing out",
@@ -172,7 +172,7 @@ impl Levels {
     ///
     /// # Errors
     /// What [`read_mask`] refuses.
-    pub fn of(
+    pub(crate) fn of(
         path: Option<PathBuf>,
         photograph: &DynamicImage,
         wanted: OutsideMask,
@@ -198,7 +198,7 @@ impl Levels {
     }
 
     /// Puts the `background`, RGB in [0, 1], behind the photograph where the mask asks for it.
-    pub fn cut_out(&self, photograph: &mut RgbImage, background: [f64; 3]) {
+    pub(crate) fn cut_out(&self, photograph: &mut RgbImage, background: [f64; 3]) {
         if self.outside != Outside::Background {
             return;
         }
@@ -214,7 +214,7 @@ impl Levels {
     }
 
     /// Whether each pixel at the size `target` is at least half bright or opaque.
-    pub fn mask(&self, target: (u32, u32)) -> Mask {
+    pub(crate) fn mask(&self, target: (u32, u32)) -> Mask {
         let levels = scaled(&self.levels, target);
         Mask {
             set: levels.pixels().map(|p| p.0[0] >= THRESHOLD).collect(),

@@ -28,7 +28,7 @@ impl Undistortion {
     /// # Errors
     ///
     /// A distortion that cannot be undone.
-    pub fn new(camera: Camera, distortion: Distortion) -> Result<Undistortion> {
+    pub(crate) fn new(camera: Camera, distortion: Distortion) -> Result<Undistortion> {
         Ok(Undistortion {
             pinhole: pinhole(&camera, &distortion)?,
             camera,
@@ -37,7 +37,7 @@ impl Undistortion {
     }
 
     /// What the pinhole image shows of the photograph.
-    pub fn cut(&self) -> Cut {
+    pub(crate) fn cut(&self) -> Cut {
         let Camera { fx, fy, cx, cy, .. } = self.pinhole;
         let angle = |side: u32, center: f64, focal: f64| {
             let ends = [-center, f64::from(side) - center];
@@ -53,7 +53,7 @@ impl Undistortion {
 
     /// Resamples the photograph, or a mask of it at any resolution, with the cubic kernel of
     /// Catmull and Rom; beyond the image its border goes on.
-    pub fn apply<P: Pixel<Subpixel = u8>>(
+    pub(crate) fn apply<P: Pixel<Subpixel = u8>>(
         &self,
         image: &ImageBuffer<P, Vec<u8>>,
     ) -> ImageBuffer<P, Vec<u8>> {

@@ -51,7 +51,7 @@ const COLUMNS: [Column; 13] = [
     Column::text("gain", "PSNR gain dB"),
 ];
 
-pub struct Ablation;
+pub(crate) struct Ablation;
 
 impl Study for Ablation {
     fn question(&self) -> &'static str {

@@ -24,7 +24,7 @@ const THINNING: [usize; 4] = [1, 4, 16, 64];
 /// Points of a curve, the start aside.
 const N_CURVE: u32 = 20;
 
-pub struct Cloud;
+pub(crate) struct Cloud;
 
 /// A cloud's label and where it comes from; the scene's own is `None`.
 fn clouds(base: &Base) -> Result<Vec<(String, Option<CloudSource>)>> {

@@ -36,7 +36,7 @@ const COLUMNS: [Column; 7] = [
     TO_MODEL,
 ];
 
-pub struct KernelStudy;
+pub(crate) struct KernelStudy;
 
 impl Study for KernelStudy {
     fn question(&self) -> &'static str {

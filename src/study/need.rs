@@ -95,7 +95,7 @@ const COLUMNS: [Column; 12] = [
     Column::figure("file_mb", "file MB", 1),
 ];
 
-pub struct Need;
+pub(crate) struct Need;
 
 impl Study for Need {
     fn question(&self) -> &'static str {

@@ -27,7 +27,7 @@ const BASELINE: &str = "3dgs";
 const METHOD: &str = "paper";
 const PREFIX: &str = "paper-lambda-";
 
-pub struct Parameters;
+pub(crate) struct Parameters;
 
 impl Study for Parameters {
     fn question(&self) -> &'static str {

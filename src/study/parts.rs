@@ -143,7 +143,7 @@ fn number(i: usize) -> String {
     (i + 1).to_string()
 }
 
-pub struct Parts;
+pub(crate) struct Parts;
 
 impl Study for Parts {
     fn question(&self) -> &'static str {

@@ -39,7 +39,7 @@ const NEAR_DEG: f64 = 12.0;
 /// Bounds of the table's angles, degrees.
 const BOUNDS: [f64; 8] = [0.0, 15.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0];
 
-pub struct Pilot;
+pub(crate) struct Pilot;
 
 impl Study for Pilot {
     fn question(&self) -> &'static str {

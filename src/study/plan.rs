@@ -27,7 +27,7 @@ pub struct Options {
 
 /// One way to train a scene, the seed aside.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Variant {
+pub(crate) struct Variant {
     /// Part of its run directories' names, between the scene's name and the seed. Jobs
     /// of one name are the same job whatever the study.
     pub name: String,
@@ -35,7 +35,7 @@ pub struct Variant {
 }
 
 /// Makes a scene's variants.
-pub struct Base<'a> {
+pub(crate) struct Base<'a> {
     options: &'a Options,
     source: SceneSource,
 }
@@ -43,7 +43,7 @@ pub struct Base<'a> {
 impl<'a> Base<'a> {
     /// # Errors
     /// A folder that is not there.
-    pub fn new(options: &'a Options, source: &SceneSource) -> Result<Base<'a>> {
+    pub(crate) fn new(options: &'a Options, source: &SceneSource) -> Result<Base<'a>> {
         Ok(Base {
             options,
             source: source.clone().resolved()?,
@@ -51,16 +51,16 @@ impl<'a> Base<'a> {
     }
 
     /// Short name of the scene for tables and folders.
-    pub fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         self.source.name()
     }
 
-    pub fn source(&self) -> &SceneSource {
+    pub(crate) fn source(&self) -> &SceneSource {
         &self.source
     }
 
     /// Shorter side of a test view, pixels, for everything that is asked for to be measured.
-    pub fn min_side_px(&self) -> u32 {
+    pub(crate) fn min_side_px(&self) -> u32 {
         let lpips = self.options.measure.lpips.as_ref();
         lpips.map_or(1, |lpips| lpips.min_side_px())
     }
@@ -71,7 +71,7 @@ impl<'a> Base<'a> {
     ///
     /// # Errors
     /// Usage: what the config does not allow.
-    pub fn config(&self, preset: &str, changes: &[String]) -> Result<Config> {
+    pub(crate) fn config(&self, preset: &str, changes: &[String]) -> Result<Config> {
         let options = self.options;
         let method = Config::preset("paper")?;
         let preset = Config::preset(preset)?;
@@ -105,7 +105,7 @@ impl<'a> Base<'a> {
     ///
     /// # Errors
     /// As [`Base::config`].
-    pub fn variant(&self, name: &str, preset: &str, changes: &[String]) -> Result<Variant> {
+    pub(crate) fn variant(&self, name: &str, preset: &str, changes: &[String]) -> Result<Variant> {
         Ok(Variant {
             name: name.to_owned(),
             job: TrainJob::new(self.source.clone(), self.config(preset, changes)?)?,
@@ -116,7 +116,7 @@ impl<'a> Base<'a> {
     ///
     /// # Errors
     /// As [`Base::config`].
-    pub fn presets(&self, names: &[&str]) -> Result<Vec<Variant>> {
+    pub(crate) fn presets(&self, names: &[&str]) -> Result<Vec<Variant>> {
         let variants = names.iter().map(|name| self.variant(name, name, &[]));
         variants.collect()
     }
@@ -125,14 +125,14 @@ impl<'a> Base<'a> {
     ///
     /// # Errors
     /// What loading refuses.
-    pub fn scene(&self) -> Result<Scene> {
+    pub(crate) fn scene(&self) -> Result<Scene> {
         let variant = self.variant("paper", "paper", &[])?;
         variant.job.load()
     }
 }
 
 /// Two scenes of one name would share their run directories.
-pub fn check_names(bases: &[Base]) -> Result<()> {
+pub(crate) fn check_names(bases: &[Base]) -> Result<()> {
     for (i, base) in bases.iter().enumerate() {
         if bases[..i].iter().any(|other| other.name() == base.name()) {
             return Err(

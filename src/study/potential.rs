@@ -26,7 +26,7 @@ const COLUMNS: [Column; 6] = [
     TO_MODEL,
 ];
 
-pub struct Potential;
+pub(crate) struct Potential;
 
 impl Study for Potential {
     fn question(&self) -> &'static str {

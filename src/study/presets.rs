@@ -44,7 +44,7 @@ const COLUMNS: [Column; 13] = [
     Column::figure("train_s", "training s", 1),
 ];
 
-pub struct Presets;
+pub(crate) struct Presets;
 
 impl Study for Presets {
     fn question(&self) -> &'static str {

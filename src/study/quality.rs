@@ -5,46 +5,46 @@ use super::table::{Cell, Column};
 use crate::report::plot::Point;
 use crate::report::stats::Figure;
 
-pub const SCENE: Column = Column::text("scene", "scene");
-pub const PSNR: Column = Column::figure("psnr", "PSNR dB", 2);
-pub const SSIM: Column = Column::figure("ssim", "SSIM", 3);
-pub const LPIPS: Column = Column::figure("lpips", "LPIPS", 3);
+pub(crate) const SCENE: Column = Column::text("scene", "scene");
+pub(crate) const PSNR: Column = Column::figure("psnr", "PSNR dB", 2);
+pub(crate) const SSIM: Column = Column::figure("ssim", "SSIM", 3);
+pub(crate) const LPIPS: Column = Column::figure("lpips", "LPIPS", 3);
 /// From loading the scene to the written model.
-pub const TO_MODEL: Column = Column::figure("to_model_s", "end to end s", 1);
-pub const COVERED: Column = Column::figure("psnr_covered", "covered PSNR dB", 2);
+pub(crate) const TO_MODEL: Column = Column::figure("to_model_s", "end to end s", 1);
+pub(crate) const COVERED: Column = Column::figure("psnr_covered", "covered PSNR dB", 2);
 
 /// dB.
-pub fn psnr(run: &Finished) -> Option<f64> {
+pub(crate) fn psnr(run: &Finished) -> Option<f64> {
     run.evaluation.mean.psnr
 }
 
 /// Over the pixels that the scene's cloud covers; dB.
-pub fn covered_psnr(run: &Finished) -> Option<f64> {
+pub(crate) fn covered_psnr(run: &Finished) -> Option<f64> {
     run.evaluation.mean_covered?.psnr
 }
 
-pub fn ssim(run: &Finished) -> Option<f64> {
+pub(crate) fn ssim(run: &Finished) -> Option<f64> {
     run.evaluation.mean.ssim
 }
 
-pub fn lpips(run: &Finished) -> Option<f64> {
+pub(crate) fn lpips(run: &Finished) -> Option<f64> {
     run.evaluation.mean.lpips
 }
 
 /// Seconds from loading the scene to the written model, without any evaluation.
-pub fn to_model(run: &Finished) -> Option<f64> {
+pub(crate) fn to_model(run: &Finished) -> Option<f64> {
     run.metrics.seconds.to_model()
 }
 
 /// Iteration and PSNR of a curve's highest point.
-pub fn peak(run: &Finished) -> Option<(f64, f64)> {
+pub(crate) fn peak(run: &Finished) -> Option<(f64, f64)> {
     let points = run.metrics.curve.iter();
     let points = points.filter_map(|point| Some((f64::from(point.iteration), point.psnr?)));
     points.reduce(|a, b| if b.1 > a.1 { b } else { a })
 }
 
 /// Cells under [`PSNR`], [`SSIM`], [`LPIPS`] and [`TO_MODEL`].
-pub fn quality(scope: &Scope, variant: &str) -> [Cell; 4] {
+pub(crate) fn quality(scope: &Scope, variant: &str) -> [Cell; 4] {
     [
         scope.figure(variant, psnr).into(),
         scope.figure(variant, ssim).into(),
@@ -54,12 +54,12 @@ pub fn quality(scope: &Scope, variant: &str) -> [Cell; 4] {
 }
 
 /// How much more PSNR `variant` has than `over`: `+0.42`, or `+0.05 (within noise)`.
-pub fn gain(scope: &Scope, variant: &str, over: &str) -> String {
+pub(crate) fn gain(scope: &Scope, variant: &str, over: &str) -> String {
     difference(scope.figure(variant, psnr), scope.figure(over, psnr))
 }
 
 /// The difference of two figures in words; `n/a` where one is missing.
-pub fn difference(a: Option<Figure>, b: Option<Figure>) -> String {
+pub(crate) fn difference(a: Option<Figure>, b: Option<Figure>) -> String {
     let (Some(a), Some(b)) = (a, b) else {
         return "n/a".to_owned();
     };
@@ -71,7 +71,7 @@ pub fn difference(a: Option<Figure>, b: Option<Figure>) -> String {
 }
 
 /// The variant's PSNR at `x` of a plot; none where it was not measured.
-pub fn psnr_at(scope: &Scope, variant: &str, x: f64) -> Option<Point> {
+pub(crate) fn psnr_at(scope: &Scope, variant: &str, x: f64) -> Option<Point> {
     let figure = scope.figure(variant, psnr)?;
     Some(Point {
         x,
@@ -81,7 +81,7 @@ pub fn psnr_at(scope: &Scope, variant: &str, x: f64) -> Option<Point> {
 }
 
 /// The scopes that a plot has a series for: every scene, as means hide them.
-pub fn scenes(results: &Results) -> Vec<Scope<'_>> {
+pub(crate) fn scenes(results: &Results) -> Vec<Scope<'_>> {
     let n = results.scenes().len();
     results.scopes().into_iter().take(n).collect()
 }

@@ -10,13 +10,13 @@ use crate::scene::Image;
 const N_ROWS: usize = 4;
 
 /// A method's label and its variant.
-pub type Method = (String, String);
+pub(crate) type Method = (String, String);
 
 /// Renders of every method's first seed at test views spread evenly over each scene's.
 ///
 /// # Errors
 /// A scene that is no longer as it was trained on, or a render that cannot be read.
-pub fn grid(results: &Results, methods: &[Method]) -> Result<Image> {
+pub(crate) fn grid(results: &Results, methods: &[Method]) -> Result<Image> {
     let scenes = results.scenes();
     let per_scene = (N_ROWS / scenes.len().max(1)).max(1);
     let mut rows = Vec::new();

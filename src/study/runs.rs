@@ -10,7 +10,7 @@ use crate::report::stats::Figure;
 use crate::run::{Evaluation, Metrics, RunDir, SceneRecord};
 
 /// A run to have.
-pub struct Planned {
+pub(crate) struct Planned {
     /// Its directory's name.
     pub name: String,
     pub scene: String,
@@ -31,7 +31,7 @@ pub enum State {
 
 impl Planned {
     /// One run for every seed.
-    pub fn of(options: &Options, scene: &str, variant: &Variant) -> Vec<Planned> {
+    pub(crate) fn of(options: &Options, scene: &str, variant: &Variant) -> Vec<Planned> {
         let planned = |seed: &u64| {
             let name = format!("{scene}-{}-seed{seed}", variant.name);
             let mut job = variant.job.clone();
@@ -49,7 +49,7 @@ impl Planned {
 
     /// # Errors
     /// The directory holds something else: another config, scene, or version, or no run.
-    pub fn state(&self, measure: &EvalOptions) -> Result<State> {
+    pub(crate) fn state(&self, measure: &EvalOptions) -> Result<State> {
         if !self.root.join("config.json").exists() {
             RunDir::check(&self.root, false)?;
             return Ok(State::ToTrain);
@@ -149,7 +149,7 @@ impl Planned {
 
 /// A run that is done.
 #[derive(Clone)]
-pub struct Finished {
+pub(crate) struct Finished {
     pub scene: String,
     pub variant: String,
     pub job: TrainJob,
@@ -159,7 +159,7 @@ pub struct Finished {
 }
 
 /// All that a study trained, in the order of the plan.
-pub struct Results {
+pub(crate) struct Results {
     pub runs: Vec<Finished>,
     /// How their test views were measured.
     pub measure: EvalOptions,
@@ -167,21 +167,21 @@ pub struct Results {
 
 impl Results {
     /// The scenes' names.
-    pub fn scenes(&self) -> Vec<&str> {
+    pub(crate) fn scenes(&self) -> Vec<&str> {
         let mut scenes: Vec<&str> = self.runs.iter().map(|run| run.scene.as_str()).collect();
         scenes.dedup();
         scenes
     }
 
     /// A variant's runs on a scene, in the order of the seeds; none where it lacks the variant.
-    pub fn of(&self, scene: &str, variant: &str) -> Vec<&Finished> {
+    pub(crate) fn of(&self, scene: &str, variant: &str) -> Vec<&Finished> {
         let runs = self.runs.iter();
         runs.filter(|run| run.scene == scene && run.variant == variant)
             .collect()
     }
 
     /// Every scene and, where there are several, all together.
-    pub fn scopes(&self) -> Vec<Scope<'_>> {
+    pub(crate) fn scopes(&self) -> Vec<Scope<'_>> {
         let scenes = self.scenes();
         let scope = |name: String, scenes: Vec<&'_ str>| Scope {
             name,
@@ -200,7 +200,7 @@ impl Results {
 }
 
 /// Runs on a scene, or on several that are averaged.
-pub struct Scope<'a> {
+pub(crate) struct Scope<'a> {
     pub name: String,
     scenes: Vec<String>,
     results: &'a Results,
@@ -208,14 +208,14 @@ pub struct Scope<'a> {
 
 impl Scope<'_> {
     /// Whether every scene has the variant.
-    pub fn has(&self, variant: &str) -> bool {
+    pub(crate) fn has(&self, variant: &str) -> bool {
         let mut scenes = self.scenes.iter();
         scenes.all(|scene| !self.results.of(scene, variant).is_empty())
     }
 
     /// What the variant's runs measured: the mean over the scenes of every seed, and how far the
     /// seeds spread. `None` where a run has no value.
-    pub fn figure(
+    pub(crate) fn figure(
         &self,
         variant: &str,
         measure: impl Fn(&Finished) -> Option<f64>,
@@ -236,7 +236,7 @@ impl Scope<'_> {
 /// # Errors
 /// Before anything is trained: a directory that holds another run. After all that can be is
 /// done: runs that failed. A stop that was asked for.
-pub fn carry_out(plan: &[Planned], measure: &EvalOptions) -> Result<Results> {
+pub(crate) fn carry_out(plan: &[Planned], measure: &EvalOptions) -> Result<Results> {
     let states = plan
         .iter()
         .map(|planned| planned.state(measure))

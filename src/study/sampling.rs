@@ -43,7 +43,7 @@ const STRATEGIES: [(&str, &str, &str); 6] = [
 /// The method's own strategy is its preset.
 const METHOD: &str = "paper";
 
-pub struct Sampling;
+pub(crate) struct Sampling;
 
 impl Study for Sampling {
     fn question(&self) -> &'static str {

@@ -27,7 +27,7 @@ const N_DIRECTIONS: usize = 400;
 const CLEARANCE: f64 = 0.05;
 
 /// A scene as a run was trained on it, with its sphere.
-pub struct Setting {
+pub(crate) struct Setting {
     pub scene: Scene,
     pub focus: Focus,
     pub frame: Frame,
@@ -38,7 +38,7 @@ pub struct Setting {
 impl Setting {
     /// # Errors
     /// What loading the scene refuses.
-    pub fn of(run: &Finished) -> Result<Setting> {
+    pub(crate) fn of(run: &Finished) -> Result<Setting> {
         let scene = run.job.load()?;
         let (focus, frame) = focus_of(&scene)?;
         let field = Field::new(&cameras(&scene.train), &focus, &run.job.config.field);
@@ -52,17 +52,17 @@ impl Setting {
     }
 
     /// The field of another config.
-    pub fn field_of(&self, config: &FieldConfig) -> Field {
+    pub(crate) fn field_of(&self, config: &FieldConfig) -> Field {
         Field::new(&cameras(&self.scene.train), &self.focus, config)
     }
 
     /// The unit direction from the focus to a camera.
-    pub fn direction(&self, camera: &Camera) -> DVec3 {
+    pub(crate) fn direction(&self, camera: &Camera) -> DVec3 {
         (camera.center() - self.focus.center).normalize_or(-camera.forward())
     }
 
     /// Angle to the nearest training camera, degrees.
-    pub fn nearest_deg(&self, direction: DVec3) -> f64 {
+    pub(crate) fn nearest_deg(&self, direction: DVec3) -> f64 {
         self.field.u_conf(direction).to_degrees()
     }
 
@@ -71,7 +71,7 @@ impl Setting {
     ///
     /// # Errors
     /// No training camera to take the intrinsics from.
-    pub fn viewpoints(&self, n: usize) -> Result<Vec<View>> {
+    pub(crate) fn viewpoints(&self, n: usize) -> Result<Vec<View>> {
         if let SceneSource::Folder(_) = self.job.source {
             return Ok(self.scene.test.clone());
         }
@@ -93,7 +93,7 @@ impl Setting {
 }
 
 /// What a variant renders around a scene.
-pub struct Survey {
+pub(crate) struct Survey {
     pub setting: Setting,
     /// Directions of the viewpoints from the focus.
     pub directions: Vec<DVec3>,
@@ -108,7 +108,7 @@ impl Survey {
     ///
     /// # Errors
     /// What loading the scene refuses, or a GPU fault.
-    pub fn of(gpu: &Gpu, runs: &[&Finished]) -> Result<Survey> {
+    pub(crate) fn of(gpu: &Gpu, runs: &[&Finished]) -> Result<Survey> {
         let Some(first) = runs.first() else {
             return Err(Error::new("there is no run to measure"));
         };
@@ -126,7 +126,7 @@ impl Survey {
     }
 
     /// Rank correlation of a predictor with PSNR, whole and at equal angle.
-    pub fn correlations(&self, predictor: &[f64]) -> [Option<Figure>; 2] {
+    pub(crate) fn correlations(&self, predictor: &[f64]) -> [Option<Figure>; 2] {
         correlations(predictor, &self.psnr, &self.angles)
     }
 }
@@ -135,7 +135,7 @@ impl Survey {
 ///
 /// # Errors
 /// A GPU fault, or a view that the adapter cannot hold.
-pub fn psnr_at(
+pub(crate) fn psnr_at(
     gpu: &Gpu,
     runs: &[&Finished],
     frame: &Frame,
@@ -151,7 +151,7 @@ pub fn psnr_at(
     runs.iter().map(of_run).collect()
 }
 
-pub fn cameras(views: &[View]) -> Vec<Camera> {
+pub(crate) fn cameras(views: &[View]) -> Vec<Camera> {
     views.iter().map(|view| view.camera.clone()).collect()
 }
 
@@ -159,7 +159,7 @@ pub fn cameras(views: &[View]) -> Vec<Camera> {
 ///
 /// # Errors
 /// A GPU fault, or a view that the adapter cannot hold.
-pub fn measure(
+pub(crate) fn measure(
     gpu: &Gpu,
     run: &Finished,
     frame: &Frame,
@@ -179,7 +179,11 @@ pub fn measure(
 }
 
 /// Rank correlation of a predictor with the PSNR of every seed, whole and given the angles.
-pub fn correlations(predictor: &[f64], psnr: &[Vec<f64>], angles: &[f64]) -> [Option<Figure>; 2] {
+pub(crate) fn correlations(
+    predictor: &[f64],
+    psnr: &[Vec<f64>],
+    angles: &[f64],
+) -> [Option<Figure>; 2] {
     let pairs = |a: &[f64], b: &[f64]| -> Vec<(f64, f64)> {
         a.iter().copied().zip(b.iter().copied()).collect()
     };
@@ -191,7 +195,7 @@ pub fn correlations(predictor: &[f64], psnr: &[Vec<f64>], angles: &[f64]) -> [Op
 }
 
 /// PSNR, the mean over the seeds, against a predictor; colour is the angle to the nearest view.
-pub fn scatter(
+pub(crate) fn scatter(
     title: &str,
     (label, predictor): (&str, &[f64]),
     psnr: &[Vec<f64>],

@@ -19,7 +19,7 @@ fn name(preset: &str, count: usize) -> String {
     format!("{preset}-views-{count}")
 }
 
-pub struct Views;
+pub(crate) struct Views;
 
 impl Study for Views {
     fn question(&self) -> &'static str {

@@ -37,7 +37,7 @@ pub struct RefinedPose {
 impl Refinement {
     /// # Errors
     /// A buffer that the adapter cannot bind.
-    pub fn new(
+    pub(crate) fn new(
         gpu: &Gpu,
         workspace: &Workspace,
         model: &Model,
@@ -52,7 +52,7 @@ impl Refinement {
     }
 
     /// Follows a workspace or model that has changed.
-    pub fn rebind(&mut self, gpu: &Gpu, workspace: &Workspace, model: &Model) -> Result<()> {
+    pub(crate) fn rebind(&mut self, gpu: &Gpu, workspace: &Workspace, model: &Model) -> Result<()> {
         self.gradient = Some(PoseGradient::new(gpu, &self.kernels, workspace, model)?);
         Ok(())
     }
@@ -61,7 +61,7 @@ impl Refinement {
     ///
     /// # Errors
     /// A GPU fault.
-    pub fn step(
+    pub(crate) fn step(
         &mut self,
         gpu: &Gpu,
         k: usize,

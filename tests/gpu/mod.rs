@@ -13,6 +13,6 @@ mod loops;
 mod loss;
 mod rearrange;
 mod reflection;
-pub mod rig;
+pub(crate) mod rig;
 mod sorts;
-pub mod views;
+pub(crate) mod views;

@@ -230,7 +230,7 @@ fn constants_are_those_of_the_reference() {
     assert_eq!(constants::SSIM_C1, 0.01 * 0.01);
     assert_eq!(constants::SSIM_C2, 0.03 * 0.03);
     let window = constants::ssim_window();
-    let twin = gspotential::doctor::twin::loss::window();
+    let twin = doctor::twin::loss::window();
     for (i, row) in window.iter().enumerate() {
         for (j, column) in window.iter().enumerate() {
             assert!((row * column - twin[i * 11 + j]).abs() < 1e-15);

@@ -8,7 +8,7 @@ use gspotential::gpu::Gpu;
 
 /// The adapter, for one test at a time: memory stays bounded and a fault belongs to its test.
 /// No adapter is a failure, never a skip.
-pub fn context() -> MutexGuard<'static, Context> {
+pub(crate) fn context() -> MutexGuard<'static, Context> {
     static CONTEXT: OnceLock<Mutex<Context>> = OnceLock::new();
     CONTEXT
         .get_or_init(|| {
@@ -22,7 +22,7 @@ pub fn context() -> MutexGuard<'static, Context> {
 
 /// Fails where a finding is out of bounds, and where there is none. Returns the largest error as
 /// a share of its bound.
-pub fn assert_findings(findings: &Findings) -> f64 {
+pub(crate) fn assert_findings(findings: &Findings) -> f64 {
     assert!(!findings.list.is_empty(), "nothing was compared");
     let bad: Vec<_> = findings.list.iter().filter(|f| !f.holds()).collect();
     assert!(bad.is_empty(), "{bad:#?}");
@@ -35,7 +35,7 @@ pub fn assert_findings(findings: &Findings) -> f64 {
 
 /// Fails where `ours` is not the twin's within `tolerance` (relative L2), and where the comparison
 /// could not have failed.
-pub fn assert_held(what: &str, ours: &[f64], twin: &[f64], tolerance: f64) {
+pub(crate) fn assert_held(what: &str, ours: &[f64], twin: &[f64], tolerance: f64) {
     let error = held_l2(ours, twin, tolerance);
     assert!(
         error <= tolerance,

@@ -15,7 +15,7 @@ use gspotential::render::{Bound, Capacity, Model, Pass, PassStep, Workspace};
 use super::rig::{assert_findings, assert_held, context};
 
 /// Prints past the test harness, which would keep it to itself.
-pub fn print(text: &str) {
+pub(crate) fn print(text: &str) {
     let _ = std::io::stderr().write_all(text.as_bytes());
 }
 
@@ -35,7 +35,7 @@ const COLUMNS: [(&str, &str); 11] = [
 ];
 
 /// The head of a table of [`row`]s: largest errors, images off fragile pixels.
-pub fn table_head() -> String {
+pub(crate) fn table_head() -> String {
     let names = COLUMNS.map(|(stage, what)| if what.is_empty() { stage } else { what });
     format!(
         "| view | {} |\n|---{}|\n",
@@ -45,7 +45,7 @@ pub fn table_head() -> String {
 }
 
 /// The largest errors of one view.
-pub fn row(name: &str, findings: &Findings) -> String {
+pub(crate) fn row(name: &str, findings: &Findings) -> String {
     let largest = COLUMNS.map(|(stage, what)| {
         let own = findings.list.iter().filter(|f| {
             f.stage == stage && f.what.starts_with(what) && !f.what.contains("fragile")
@@ -57,7 +57,7 @@ pub fn row(name: &str, findings: &Findings) -> String {
 }
 
 /// Holds one view, and its tile lists to about what they need.
-pub fn hold(case: &ViewCase) -> String {
+pub(crate) fn hold(case: &ViewCase) -> String {
     let (findings, lengths) =
         examine(&context(), case).unwrap_or_else(|e| panic!("{}: {e}", case.name));
     assert_findings(&findings);

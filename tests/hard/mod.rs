@@ -2,7 +2,7 @@
 //! values, bounded parameters and an outcome that makes sense.
 
 mod layouts;
-pub mod specimens;
+pub(crate) mod specimens;
 mod training;
 
 use gspotential::config::Config;
@@ -25,7 +25,7 @@ fn parameters(g: &Gaussians) -> [(&'static str, usize, Vec<f32>); 5] {
 
 /// Trains, and fails where a loss is not finite or beyond its range, a parameter that was finite
 /// no longer is, or one has gone further than Adam's steps can carry it.
-pub fn survive(
+pub(crate) fn survive(
     ctx: &Context,
     name: &str,
     start: &Gaussians,

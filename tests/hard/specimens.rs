@@ -176,7 +176,7 @@ fn add(gaussians: &mut TwinGaussians, s: &Specimen) {
 }
 
 /// One real view of noise.
-pub fn noise_supervision(camera: &TwinCamera) -> Supervision {
+pub(crate) fn noise_supervision(camera: &TwinCamera) -> Supervision {
     let mut random = Random::new(11);
     let n = camera.width * camera.height;
     let goal: Vec<u32> = (0..n)
@@ -198,7 +198,7 @@ pub fn noise_supervision(camera: &TwinCamera) -> Supervision {
     }
 }
 
-pub fn config(iterations: u32) -> Config {
+pub(crate) fn config(iterations: u32) -> Config {
     let mut config = Config::preset("paper").expect("a preset");
     config.iterations = iterations;
     config.model.near = camera().near;

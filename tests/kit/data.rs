@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 /// `../shared/{name}` beside the checkout.
 #[track_caller]
-pub fn shared(name: &str) -> PathBuf {
+pub(crate) fn shared(name: &str) -> PathBuf {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../shared")
         .join(name);

@@ -5,10 +5,10 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 /// Path of the program under test.
-pub const PATH: &str = env!("CARGO_BIN_EXE_gspotential");
+pub(crate) const PATH: &str = env!("CARGO_BIN_EXE_gspotential");
 
 /// What a command line is given as: one text, split at blanks, or its arguments.
-pub trait Args {
+pub(crate) trait Args {
     fn give(&self, command: &mut Command);
 }
 
@@ -37,7 +37,7 @@ impl<S: AsRef<OsStr>, const N: usize> Args for [S; N] {
 }
 
 /// The program with these arguments, to be started in `folder`.
-pub fn command(folder: &Path, args: &(impl Args + ?Sized)) -> Command {
+pub(crate) fn command(folder: &Path, args: &(impl Args + ?Sized)) -> Command {
     let mut command = Command::new(PATH);
     args.give(&mut command);
     command.current_dir(folder);
@@ -45,20 +45,20 @@ pub fn command(folder: &Path, args: &(impl Args + ?Sized)) -> Command {
 }
 
 /// Runs the program to its end.
-pub fn run(folder: &Path, args: &(impl Args + ?Sized)) -> Ended {
+pub(crate) fn run(folder: &Path, args: &(impl Args + ?Sized)) -> Ended {
     ended(&mut command(folder, args))
 }
 
 /// Runs the program, which must succeed.
 #[track_caller]
-pub fn succeed(folder: &Path, args: &(impl Args + ?Sized)) -> Ended {
+pub(crate) fn succeed(folder: &Path, args: &(impl Args + ?Sized)) -> Ended {
     let ended = run(folder, args);
     assert_eq!(ended.code, Some(0), "{:?}: {}", ended.command, ended.log);
     ended
 }
 
 /// Runs a command to its end.
-pub fn ended(command: &mut Command) -> Ended {
+pub(crate) fn ended(command: &mut Command) -> Ended {
     let Output {
         status,
         stdout,
@@ -75,7 +75,7 @@ pub fn ended(command: &mut Command) -> Ended {
 
 /// A program that has ended.
 #[derive(Debug)]
-pub struct Ended {
+pub(crate) struct Ended {
     pub command: String,
     /// Exit code; None after a signal.
     pub code: Option<i32>,

@@ -10,7 +10,7 @@ use safetensors::tensor::{Dtype, TensorView};
 
 /// What a net does, in order.
 #[derive(Clone, Copy)]
-pub enum Step {
+pub(crate) enum Step {
     /// Name, inputs, outputs, side, stride, padding; followed by ReLU.
     Conv(&'static str, usize, usize, usize, usize, usize),
     /// Side, stride.
@@ -20,7 +20,7 @@ pub enum Step {
 }
 use Step::{Conv, Pool, Tap};
 
-pub const ALEX: &[Step] = &[
+pub(crate) const ALEX: &[Step] = &[
     Conv("net.slice1.0", 3, 64, 11, 4, 2),
     Tap(64),
     Pool(3, 2),
@@ -35,7 +35,7 @@ pub const ALEX: &[Step] = &[
     Tap(256),
 ];
 
-pub const VGG: &[Step] = &[
+pub(crate) const VGG: &[Step] = &[
     Conv("net.slice1.0", 3, 64, 3, 1, 1),
     Conv("net.slice1.2", 64, 64, 3, 1, 1),
     Tap(64),
@@ -62,46 +62,46 @@ pub const VGG: &[Step] = &[
 
 /// A file of weights before it is written.
 #[derive(Clone)]
-pub struct Tensors(BTreeMap<String, (Vec<usize>, Vec<f32>)>);
+pub(crate) struct Tensors(BTreeMap<String, (Vec<usize>, Vec<f32>)>);
 
 impl Tensors {
     fn add(&mut self, name: String, shape: Vec<usize>, values: Vec<f32>) {
         self.0.insert(name, (shape, values));
     }
 
-    pub fn values(&self, name: &str) -> &[f32] {
+    pub(crate) fn values(&self, name: &str) -> &[f32] {
         &self.0[name].1
     }
 
-    pub fn values_mut(&mut self, name: &str) -> &mut Vec<f32> {
+    pub(crate) fn values_mut(&mut self, name: &str) -> &mut Vec<f32> {
         &mut self.0.get_mut(name).expect("a tensor").1
     }
 
-    pub fn shape(&self, name: &str) -> &[usize] {
+    pub(crate) fn shape(&self, name: &str) -> &[usize] {
         &self.0[name].0
     }
 
-    pub fn shape_mut(&mut self, name: &str) -> &mut Vec<usize> {
+    pub(crate) fn shape_mut(&mut self, name: &str) -> &mut Vec<usize> {
         &mut self.0.get_mut(name).expect("a tensor").0
     }
 
-    pub fn only(&self, keep: impl Fn(&str) -> bool) -> Tensors {
+    pub(crate) fn only(&self, keep: impl Fn(&str) -> bool) -> Tensors {
         let mut kept = self.clone();
         kept.0.retain(|name, _| keep(name));
         kept
     }
 
-    pub fn without(&self, name: &str) -> Tensors {
+    pub(crate) fn without(&self, name: &str) -> Tensors {
         self.only(|other| other != name)
     }
 
     /// As the file holds them.
-    pub fn bytes(&self) -> Vec<u8> {
+    pub(crate) fn bytes(&self) -> Vec<u8> {
         self.bytes_with_type("", Dtype::F32)
     }
 
     /// With zeros of another type in the tensor `other`.
-    pub fn bytes_with_type(&self, other: &str, dtype: Dtype) -> Vec<u8> {
+    pub(crate) fn bytes_with_type(&self, other: &str, dtype: Dtype) -> Vec<u8> {
         let stored: Vec<(&str, Dtype, &[usize], Vec<u8>)> = self
             .0
             .iter()
@@ -125,7 +125,7 @@ impl Tensors {
 
 /// Weights that keep a signal alive through the net, with a tensor that LPIPS has no use for, as
 /// the package's own files have some.
-pub fn generated(net: &[Step]) -> Tensors {
+pub(crate) fn generated(net: &[Step]) -> Tensors {
     let mut rng = ChaCha8Rng::seed_from_u64(11);
     let mut tensors = Tensors(BTreeMap::new());
     let mut draw = |n: usize, sigma: f32| -> Vec<f32> {
@@ -205,7 +205,13 @@ impl Maps {
 }
 
 /// LPIPS of two images; `signed`: the input is scaled to `[-1, 1]`.
-pub fn reference(net: &[Step], tensors: &Tensors, signed: bool, a: &Image, b: &Image) -> f64 {
+pub(crate) fn reference(
+    net: &[Step],
+    tensors: &Tensors,
+    signed: bool,
+    a: &Image,
+    b: &Image,
+) -> f64 {
     let (a, b) = (
         features(net, tensors, signed, a),
         features(net, tensors, signed, b),

@@ -1,7 +1,7 @@
 //! PSNR and SSIM against a brute-force implementation and values worked out by hand.
 
 mod lpips;
-pub mod lpips_reference;
+pub(crate) mod lpips_reference;
 
 use gspotential::metrics::{FloatImage, masked_psnr, masked_ssim, psnr, quantize, ssim};
 use gspotential::scene::Image;

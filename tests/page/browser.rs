@@ -94,12 +94,12 @@ fn browser() -> String {
 }
 
 /// Whether a page has met with no problem so far.
-pub fn is_as_opened(found: &serde_json::Value) -> bool {
+pub(crate) fn is_as_opened(found: &serde_json::Value) -> bool {
     found["problems"] == serde_json::json!([])
 }
 
 /// Opens `page` with `after` behind its scripts and returns what that reports.
-pub fn found_in(folder: &Path, page: &str, after: &str) -> serde_json::Value {
+pub(crate) fn found_in(folder: &Path, page: &str, after: &str) -> serde_json::Value {
     let probed = page.replacen("<title>", &format!("{BEFORE}<title>"), 1);
     let probed = probed.replacen("</body>", &format!("{after}</body>"), 1);
     let path = folder.join("probed.html");

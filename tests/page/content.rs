@@ -3,7 +3,7 @@
 use super::run_with;
 
 /// It ends a script and opens one, breaks out of an attribute, and is a name of a view all the same.
-pub const HOSTILE: &str = "x\"'><script>document.title=\"taken\"</script>&amp;.png";
+pub(crate) const HOSTILE: &str = "x\"'><script>document.title=\"taken\"</script>&amp;.png";
 
 #[test]
 fn names_from_files_are_escaped() {

@@ -86,7 +86,7 @@ fn finished(root: &Path, name: &str) -> RunDir {
         photograph(name).camera,
         camera("virtual_000", 2.0),
     ];
-    write_cameras(&run.cameras(), &cameras, glam::DVec3::ZERO).unwrap();
+    write_cameras(&run.cameras(), &cameras, DVec3::ZERO).unwrap();
     write_ply(&run.point_cloud(), &ball(), &Frame::IDENTITY).unwrap();
     write_png(&run.virtual_sheet(), &plain([90; 3])).unwrap();
     let file = &file_names(&[name], "png")[0];

@@ -10,7 +10,7 @@ use super::npy::read_shaped;
 use crate::kit::data::shared;
 
 /// One case: Gaussians seen by some cameras.
-pub struct Fixture {
+pub(crate) struct Fixture {
     pub name: String,
     dir: PathBuf,
     gaussians: TwinGaussians,
@@ -20,7 +20,7 @@ pub struct Fixture {
 }
 
 /// One camera of a case with its reference arrays.
-pub struct FixtureView {
+pub(crate) struct FixtureView {
     /// With the view's SH degree.
     pub gaussians: TwinGaussians,
     pub camera: TwinCamera,
@@ -56,7 +56,7 @@ struct Stats {
 }
 
 /// All cases, by name.
-pub fn fixtures() -> Vec<Fixture> {
+pub(crate) fn fixtures() -> Vec<Fixture> {
     let root = shared("fixtures");
     let entries = std::fs::read_dir(&root).expect("folder is readable");
     let mut dirs: Vec<PathBuf> = entries
@@ -86,12 +86,12 @@ impl Fixture {
         }
     }
 
-    pub fn n_views(&self) -> usize {
+    pub(crate) fn n_views(&self) -> usize {
         self.views.len()
     }
 
     /// Loads one camera's arrays; its background is black.
-    pub fn view(&self, index: usize) -> FixtureView {
+    pub(crate) fn view(&self, index: usize) -> FixtureView {
         let entry = &self.views[index];
         let (n, h, w) = (self.gaussians.n(), entry.height, entry.width);
         let array = |what: &str, shape: &[usize]| {
@@ -147,7 +147,7 @@ fn rows<const N: usize>(values: &[f64]) -> Vec<[f64; N]> {
 
 /// Reads the 62-float layout of 3DGS files: `x y z nx ny nz f_dc_0..2 f_rest_0..44 opacity
 /// scale_0..2 rot_0..3`, binary little-endian, and refuses any other.
-pub fn parse_ply(bytes: &[u8]) -> Result<TwinGaussians, String> {
+pub(crate) fn parse_ply(bytes: &[u8]) -> Result<TwinGaussians, String> {
     const END: &[u8] = b"end_header\n";
     let end = bytes
         .windows(END.len())

@@ -4,26 +4,26 @@ use std::path::Path;
 
 /// An array, its values widened to f64 (which holds all four types exactly).
 #[derive(Clone, Debug, PartialEq)]
-pub struct Array {
+pub(crate) struct Array {
     pub shape: Vec<usize>,
     pub values: Vec<f64>,
 }
 
 /// Reads a file; its absence or a header that is not understood is a failed test.
-pub fn read(path: &Path) -> Array {
+pub(crate) fn read(path: &Path) -> Array {
     let bytes = std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     parse(&bytes).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
 /// [`read`], and the shape must be the one given.
-pub fn read_shaped(path: &Path, shape: &[usize]) -> Vec<f64> {
+pub(crate) fn read_shaped(path: &Path, shape: &[usize]) -> Vec<f64> {
     let array = read(path);
     assert_eq!(array.shape, shape, "{}", path.display());
     array.values
 }
 
 /// Parses a whole file.
-pub fn parse(bytes: &[u8]) -> Result<Array, String> {
+pub(crate) fn parse(bytes: &[u8]) -> Result<Array, String> {
     if !bytes.starts_with(b"\x93NUMPY") {
         return Err("no npy magic".into());
     }

@@ -10,16 +10,16 @@ use gspotential::doctor::twin::{sh, tolerance};
 use super::assert_relative_l2;
 
 /// Fourth-order central difference of `f` at 0.
-pub fn central_difference(f: impl Fn(f64) -> f64) -> f64 {
+pub(crate) fn central_difference(f: impl Fn(f64) -> f64) -> f64 {
     let h = tolerance::STEP;
     (8.0 * (f(h) - f(-h)) - (f(2.0 * h) - f(-2.0 * h))) / (12.0 * h)
 }
 
 /// Raw parameters of a Gaussian, flattened: mean 3, SH 48, opacity 1, scale 3, rotation 4.
-pub const N_RAW: usize = 59;
+pub(crate) const N_RAW: usize = 59;
 
 /// Names and ranges of the classes in the flattened parameters.
-pub const CLASSES: [(&str, std::ops::Range<usize>); 5] = [
+pub(crate) const CLASSES: [(&str, std::ops::Range<usize>); 5] = [
     ("mean", 0..3),
     ("sh", 3..51),
     ("opacity_logit", 51..52),
@@ -28,7 +28,7 @@ pub const CLASSES: [(&str, std::ops::Range<usize>); 5] = [
 ];
 
 /// Parameter `k` (flattened) of Gaussian `i`.
-pub fn parameter(gaussians: &mut TwinGaussians, i: usize, k: usize) -> &mut f64 {
+pub(crate) fn parameter(gaussians: &mut TwinGaussians, i: usize, k: usize) -> &mut f64 {
     match k {
         0..3 => &mut gaussians.means[i][k],
         3..51 => &mut gaussians.sh[i][(k - 3) / 3][(k - 3) % 3],

@@ -9,20 +9,20 @@ use image::{ImageFormat, Rgb, RgbImage};
 use tempfile::TempDir;
 
 /// Width and height of the photographs and cameras.
-pub const SIZE: (u32, u32) = (12, 8);
+pub(crate) const SIZE: (u32, u32) = (12, 8);
 
-pub const CAMERAS_TXT: &str = "# cameras\n1 PINHOLE 12 8 10 11 6.5 3.5\n";
+pub(crate) const CAMERAS_TXT: &str = "# cameras\n1 PINHOLE 12 8 10 11 6.5 3.5\n";
 
 /// A scene folder that is removed with the value.
-pub struct Folder(TempDir);
+pub(crate) struct Folder(TempDir);
 
 impl Folder {
-    pub fn empty() -> Self {
+    pub(crate) fn empty() -> Self {
         Folder(TempDir::new().expect("a temporary folder"))
     }
 
     /// A good scene: one shared text PINHOLE camera, views on a line, three points.
-    pub fn with_views(names: &[&str]) -> Self {
+    pub(crate) fn with_views(names: &[&str]) -> Self {
         let folder = Self::empty();
         folder.write("sparse/0/cameras.txt", CAMERAS_TXT);
         folder.write("sparse/0/images.txt", images_txt(names));
@@ -33,44 +33,44 @@ impl Folder {
         folder
     }
 
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         self.0.path()
     }
 
-    pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
+    pub(crate) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
         let path = self.path().join(name);
         let parent = path.parent().expect("a path within the folder");
         std::fs::create_dir_all(parent).expect("a folder");
         std::fs::write(path, bytes).expect("a file");
     }
 
-    pub fn remove(&self, name: &str) {
+    pub(crate) fn remove(&self, name: &str) {
         std::fs::remove_file(self.path().join(name)).expect("a file to remove");
     }
 
-    pub fn load(&self) -> Result<Scene, Error> {
+    pub(crate) fn load(&self) -> Result<Scene, Error> {
         self.load_with(&options())
     }
 
-    pub fn load_with(&self, options: &LoadOptions) -> Result<Scene, Error> {
+    pub(crate) fn load_with(&self, options: &LoadOptions) -> Result<Scene, Error> {
         scene::load(self.path(), options)
     }
 
     /// Loads what must load.
     #[track_caller]
-    pub fn scene(&self) -> Scene {
+    pub(crate) fn scene(&self) -> Scene {
         self.load().unwrap_or_else(|e| panic!("{e}"))
     }
 
     /// Asserts that loading fails in one line that holds every one of `parts`.
     #[track_caller]
-    pub fn fails_with(&self, parts: &[&str]) {
+    pub(crate) fn fails_with(&self, parts: &[&str]) {
         fails_with(self.load(), ErrorKind::Failure, parts);
     }
 }
 
 #[track_caller]
-pub fn fails_with<T>(result: Result<T, Error>, kind: ErrorKind, parts: &[&str]) {
+pub(crate) fn fails_with<T>(result: Result<T, Error>, kind: ErrorKind, parts: &[&str]) {
     let error = result.err().expect("an error");
     let text = error.to_string();
     for part in parts {
@@ -83,48 +83,48 @@ pub fn fails_with<T>(result: Result<T, Error>, kind: ErrorKind, parts: &[&str]) 
 
 /// Asserts that the scene's warnings are exactly these, each given by a part of it.
 #[track_caller]
-pub fn warns(scene: &Scene, parts: &[&str]) {
+pub(crate) fn warns(scene: &Scene, parts: &[&str]) {
     let matches = scene.warnings.len() == parts.len()
         && scene.warnings.iter().zip(parts).all(|(w, p)| w.contains(p));
     assert!(matches, "{:?} are not {parts:?}", scene.warnings);
 }
 
-pub fn options() -> LoadOptions {
+pub(crate) fn options() -> LoadOptions {
     let config = Config::preset("paper").expect("a preset");
     LoadOptions::new(&config)
 }
 
 /// Cameras that look along +z from (index, 0, 0).
-pub fn images_txt(names: &[&str]) -> String {
+pub(crate) fn images_txt(names: &[&str]) -> String {
     let line = |(i, name): (usize, &&str)| format!("{} 1 0 0 0 -{i} 0 0 1 {name}\n\n", i + 1);
     names.iter().enumerate().map(line).collect()
 }
 
 /// Three points; the last is red.
-pub const GOOD_PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\n\
+pub(crate) const GOOD_PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\n\
     property float x\nproperty float y\nproperty float z\n\
     property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n\
     0 0 5 1 2 3\n1 0 6 4 5 6\n-1 2 7 255 0 0\n";
 
 /// [`GOOD_PLY`] with other rows.
-pub fn ply_with_rows(rows: &[&str]) -> String {
+pub(crate) fn ply_with_rows(rows: &[&str]) -> String {
     let header = GOOD_PLY.split_inclusive('\n').take(10).collect::<String>();
     let header = header.replace("vertex 3", &format!("vertex {}", rows.len()));
     header + &rows.join("\n") + "\n"
 }
 
 /// A picture that differs in every pixel.
-pub fn picture(width: u32, height: u32) -> RgbImage {
+pub(crate) fn picture(width: u32, height: u32) -> RgbImage {
     RgbImage::from_fn(width, height, |x, y| {
         Rgb([(17 * x) as u8, (23 * y) as u8, (x * y + 40) as u8])
     })
 }
 
-pub fn png(width: u32, height: u32) -> Vec<u8> {
+pub(crate) fn png(width: u32, height: u32) -> Vec<u8> {
     encoded(width, height, ImageFormat::Png)
 }
 
-pub fn encoded(width: u32, height: u32, format: ImageFormat) -> Vec<u8> {
+pub(crate) fn encoded(width: u32, height: u32, format: ImageFormat) -> Vec<u8> {
     let mut bytes = std::io::Cursor::new(Vec::new());
     picture(width, height)
         .write_to(&mut bytes, format)

@@ -10,10 +10,10 @@ use serde_json::{Value, json};
 use super::build::Folder;
 
 /// Width of the images, pixels.
-pub const WIDTH: u32 = 32;
+pub(crate) const WIDTH: u32 = 32;
 
 /// 4 training and 2 test views, and a cloud with confidences.
-pub fn still_life() -> Scene {
+pub(crate) fn still_life() -> Scene {
     scene(&BuiltinOptions {
         width: WIDTH,
         n_test: 2,
@@ -23,14 +23,14 @@ pub fn still_life() -> Scene {
 }
 
 /// The camera's axes of `transforms.json`, of which ours are multiplied by these.
-pub const OPENGL: [f64; 3] = [1.0, -1.0, -1.0];
+pub(crate) const OPENGL: [f64; 3] = [1.0, -1.0, -1.0];
 
-pub fn names(views: &[View]) -> Vec<&str> {
+pub(crate) fn names(views: &[View]) -> Vec<&str> {
     views.iter().map(|v| v.camera.name.as_str()).collect()
 }
 
 /// The pixel that a point falls on.
-pub fn project(camera: &Camera, p: DVec3) -> DVec2 {
+pub(crate) fn project(camera: &Camera, p: DVec3) -> DVec2 {
     let p = camera.rotation * p + camera.translation;
     DVec2::new(
         camera.fx * p.x / p.z + camera.cx,
@@ -38,11 +38,11 @@ pub fn project(camera: &Camera, p: DVec3) -> DVec2 {
     )
 }
 
-pub fn views(scene: &Scene) -> impl Iterator<Item = &View> {
+pub(crate) fn views(scene: &Scene) -> impl Iterator<Item = &View> {
     scene.train.iter().chain(&scene.test)
 }
 
-pub fn write_images<'a>(folder: &Folder, dir: &str, views: impl Iterator<Item = &'a View>) {
+pub(crate) fn write_images<'a>(folder: &Folder, dir: &str, views: impl Iterator<Item = &'a View>) {
     for view in views {
         let image =
             image::RgbImage::from_raw(view.image.width, view.image.height, view.image.rgb.clone())
@@ -56,7 +56,7 @@ pub fn write_images<'a>(folder: &Folder, dir: &str, views: impl Iterator<Item = 
 }
 
 /// Binary, as trimesh and plyfile write clouds: float positions, uchar colours.
-pub fn ply(cloud: &PointCloud, with_alpha: bool) -> Vec<u8> {
+pub(crate) fn ply(cloud: &PointCloud, with_alpha: bool) -> Vec<u8> {
     let alpha = if with_alpha {
         "property uchar alpha\n"
     } else {
@@ -82,7 +82,7 @@ pub fn ply(cloud: &PointCloud, with_alpha: bool) -> Vec<u8> {
 }
 
 /// A float32 array as numpy.save writes it.
-pub fn npy(values: &[f32], shape: &str) -> Vec<u8> {
+pub(crate) fn npy(values: &[f32], shape: &str) -> Vec<u8> {
     let data: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
     npy_with(
         &format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}"),
@@ -91,7 +91,7 @@ pub fn npy(values: &[f32], shape: &str) -> Vec<u8> {
 }
 
 /// An array of version 1 with any header.
-pub fn npy_with(header: &str, data: &[u8]) -> Vec<u8> {
+pub(crate) fn npy_with(header: &str, data: &[u8]) -> Vec<u8> {
     let padded = (10 + header.len() + 1).next_multiple_of(64) - 10;
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
     bytes.extend((padded as u16).to_le_bytes());
@@ -103,7 +103,7 @@ pub fn npy_with(header: &str, data: &[u8]) -> Vec<u8> {
 }
 
 /// A COLMAP model in text, one camera an image, of `model` with the parameters of a camera.
-pub fn write_colmap<'a>(
+pub(crate) fn write_colmap<'a>(
     folder: &Folder,
     place: &str,
     views: impl Iterator<Item = &'a View>,
@@ -130,12 +130,12 @@ pub fn write_colmap<'a>(
     folder.write(&format!("{place}/images.txt"), images);
 }
 
-pub fn pinhole(camera: &Camera) -> Vec<f64> {
+pub(crate) fn pinhole(camera: &Camera) -> Vec<f64> {
     vec![camera.fx, camera.fy, camera.cx, camera.cy]
 }
 
-/// VGGT's demo_colmap.py: `sparse/` with the cloud as points.ply.
-pub fn vggt(scene: &Scene) -> Folder {
+/// VGGT's `demo_colmap.py`: `sparse/` with the cloud as points.ply.
+pub(crate) fn vggt(scene: &Scene) -> Folder {
     let folder = Folder::empty();
     write_images(&folder, "images", views(scene));
     write_colmap(&folder, "sparse", views(scene), "PINHOLE", pinhole);
@@ -143,8 +143,8 @@ pub fn vggt(scene: &Scene) -> Folder {
     folder
 }
 
-/// MASt3R with GLOMAP: SIMPLE_RADIAL cameras and COLMAP's points.
-pub fn mast3r(scene: &Scene) -> Folder {
+/// MASt3R with GLOMAP: `SIMPLE_RADIAL` cameras and COLMAP's points.
+pub(crate) fn mast3r(scene: &Scene) -> Folder {
     let folder = Folder::empty();
     write_images(&folder, "images", views(scene));
     let params = |c: &Camera| vec![c.fx, c.cx, c.cy, -0.05];
@@ -164,8 +164,8 @@ pub fn mast3r(scene: &Scene) -> Folder {
     folder
 }
 
-/// InstantSplat's init_geo.py for 4 views.
-pub fn instantsplat(scene: &Scene) -> Folder {
+/// InstantSplat's `init_geo.py` for 4 views.
+pub(crate) fn instantsplat(scene: &Scene) -> Folder {
     let folder = Folder::empty();
     write_images(&folder, "images", views(scene));
     write_colmap(
@@ -183,8 +183,8 @@ pub fn instantsplat(scene: &Scene) -> Folder {
     folder
 }
 
-/// GaussianObject's pred_poses.py for 4 views, with test cameras.
-pub fn gaussianobject(scene: &Scene) -> Folder {
+/// GaussianObject's `pred_poses.py` for 4 views, with test cameras.
+pub(crate) fn gaussianobject(scene: &Scene) -> Folder {
     let folder = Folder::empty();
     write_images(&folder, "images", views(scene));
     let list = |views: &[View]| -> Value {
@@ -208,7 +208,7 @@ pub fn gaussianobject(scene: &Scene) -> Folder {
 }
 
 /// Camera-to-world with the camera's axes multiplied by `axes`.
-pub fn matrix(camera: &Camera, axes: [f64; 3]) -> Value {
+pub(crate) fn matrix(camera: &Camera, axes: [f64; 3]) -> Value {
     let c2w = camera.rotation.transpose() * DMat3::from_diagonal(DVec3::from(axes));
     let center = camera.center();
     let row = |r: usize| {
@@ -219,7 +219,7 @@ pub fn matrix(camera: &Camera, axes: [f64; 3]) -> Value {
 }
 
 /// nerfstudio's transforms.json with intrinsics a frame, views apart and a cloud.
-pub fn nerfstudio(scene: &Scene, axes: [f64; 3]) -> Folder {
+pub(crate) fn nerfstudio(scene: &Scene, axes: [f64; 3]) -> Folder {
     let folder = Folder::empty();
     write_images(&folder, "images", views(scene));
     let frame = |view: &View| {
@@ -249,7 +249,7 @@ pub fn nerfstudio(scene: &Scene, axes: [f64; 3]) -> Folder {
 }
 
 /// instant-ngp's transforms.json: shared intrinsics, distortion included, sizes as floats.
-pub fn instant_ngp(scene: &Scene) -> Folder {
+pub(crate) fn instant_ngp(scene: &Scene) -> Folder {
     let folder = Folder::empty();
     write_images(&folder, "images", views(scene));
     let frame = |view: &View| {
@@ -273,7 +273,7 @@ pub fn instant_ngp(scene: &Scene) -> Folder {
 }
 
 /// A scene of NeRF's Blender set: an angle for the lens, images without suffix, no sizes.
-pub fn blender(scene: &Scene) -> Folder {
+pub(crate) fn blender(scene: &Scene) -> Folder {
     let folder = Folder::empty();
     for (name, views) in [("train", &scene.train), ("test", &scene.test)] {
         write_images(&folder, name, views.iter());

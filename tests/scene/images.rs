@@ -146,8 +146,7 @@ fn a_small_file_may_be_a_large_image_of_one_colour() {
     let folder = Folder::with_views(&NAMES);
     let flat = image::GrayImage::new(1500, 1000);
     let mut bytes = std::io::Cursor::new(Vec::new());
-    flat.write_to(&mut bytes, image::ImageFormat::Png)
-        .expect("a PNG");
+    flat.write_to(&mut bytes, ImageFormat::Png).expect("a PNG");
     let bytes = bytes.into_inner();
     assert!(bytes.len() < 20_000, "{}", bytes.len());
     folder.write("images/a.png", bytes);

@@ -1,9 +1,9 @@
 //! Loading scenes from disk: every supported variant, every kind of bad input.
 
-pub mod build;
+pub(crate) mod build;
 mod cloud;
 mod fitted;
-pub mod fixtures;
+pub(crate) mod fixtures;
 mod formats;
 mod hostile;
 mod images;

@@ -39,7 +39,7 @@ pub(super) struct Photo {
 
 impl Photo {
     /// Reduces `view` to at most [`MAX_CELLS`] on its longer side.
-    pub fn new(view: &View) -> Photo {
+    pub(crate) fn new(view: &View) -> Photo {
         let camera = view.camera.at_most(MAX_CELLS);
         let (width, height) = (view.image.width as usize, view.image.height as usize);
         let pixel = |i: usize| {
@@ -59,14 +59,14 @@ impl Photo {
     }
 
     /// The photograph turned by 180 degrees.
-    pub fn turned(&self) -> Photo {
+    pub(crate) fn turned(&self) -> Photo {
         let mut cells = self.cells.clone();
         cells.reverse();
         self.with_cells(cells)
     }
 
     /// The photograph with left and right exchanged.
-    pub fn mirrored(&self) -> Photo {
+    pub(crate) fn mirrored(&self) -> Photo {
         let mut cells = self.cells.clone();
         let rows = cells.chunks_exact_mut(self.camera.width as usize);
         rows.for_each(<[_]>::reverse);
@@ -81,7 +81,7 @@ impl Photo {
     }
 
     /// The photograph as `camera`, of its size, would have taken it.
-    pub fn from(&self, camera: Camera) -> Photo {
+    pub(crate) fn from(&self, camera: Camera) -> Photo {
         Photo {
             camera,
             cells: self.cells.clone(),
@@ -89,7 +89,7 @@ impl Photo {
     }
 
     /// This view with the photograph of `other`, which has its shape.
-    pub fn with_cells_of(&self, other: &Photo) -> Option<Photo> {
+    pub(crate) fn with_cells_of(&self, other: &Photo) -> Option<Photo> {
         let same =
             (self.camera.width, self.camera.height) == (other.camera.width, other.camera.height);
         same.then(|| self.with_cells(other.cells.clone()))
@@ -145,7 +145,7 @@ pub struct Colors {
 }
 
 impl Probe {
-    pub fn new(cloud: &PointCloud, center: DVec3) -> Result<Probe> {
+    pub(crate) fn new(cloud: &PointCloud, center: DVec3) -> Result<Probe> {
         let frame = Frame {
             center,
             radius: 1.0,
@@ -159,12 +159,12 @@ impl Probe {
         })
     }
 
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.positions.len()
     }
 
     /// What the camera of `photo` has of the cloud after the motion `x -> turn x + shift` of it, world.
-    pub fn look(&self, photo: &Photo, (turn, shift): (DMat3, DVec3)) -> Sight {
+    pub(crate) fn look(&self, photo: &Photo, (turn, shift): (DMat3, DVec3)) -> Sight {
         let camera = &photo.camera;
         let moved = Camera {
             rotation: camera.rotation * turn,

@@ -17,7 +17,7 @@ pub(crate) struct Disc {
 
 impl Disc {
     /// A disc whose radius, in pixels, is bounded by [`MIN_DISC_RADIUS_PX`] and `max_radius_px`.
-    pub fn new(center: [f64; 2], depth: f64, radius_px: f64, max_radius_px: f64) -> Disc {
+    pub(crate) fn new(center: [f64; 2], depth: f64, radius_px: f64, max_radius_px: f64) -> Disc {
         Disc {
             center,
             radius: radius_px.max(MIN_DISC_RADIUS_PX).min(max_radius_px),
@@ -28,7 +28,7 @@ impl Disc {
     /// Visits the pixels of `camera`'s image whose centres lie within the disc, row by row, with the
     /// weight of the point there, `(1 - d^2 / (2 r^2))^2` at the distance `d`: 1 in the middle,
     /// a quarter on the rim.
-    pub fn pixels(&self, camera: &Camera, mut visit: impl FnMut(usize, f32)) {
+    pub(crate) fn pixels(&self, camera: &Camera, mut visit: impl FnMut(usize, f32)) {
         let Disc { center, radius, .. } = *self;
         let [columns, rows] = [(center[0], camera.width), (center[1], camera.height)]
             .map(|(middle, limit)| span(middle, radius, limit));
@@ -65,7 +65,7 @@ pub(crate) struct Blend {
 impl Blend {
     /// Sums the colours of the discs that hold a pixel and lie at most `config.depth_tolerance` of
     /// its front's depth behind it: the second pass over what [`Points::draw`] left in `z_buffer`.
-    pub fn sum(
+    pub(crate) fn sum(
         &mut self,
         (points, colors): (&Points, &[[u8; 3]]),
         camera: &Camera,
@@ -92,7 +92,7 @@ impl Blend {
     }
 
     /// The colour of a pixel that some disc holds: the mean by weight, rounded.
-    pub fn color(&self, pixel: usize) -> [u8; 3] {
+    pub(crate) fn color(&self, pixel: usize) -> [u8; 3] {
         let [r, g, b, weight] = self.sums[pixel];
         [r, g, b].map(|sum| (sum / weight).round() as u8)
     }

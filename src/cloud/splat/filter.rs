@@ -17,7 +17,7 @@ impl Filter {
     /// other covered pixels in their window, all decided on the unfiltered mask.
     ///
     /// The image must have pixels, and the window be odd.
-    pub fn kept(
+    pub(crate) fn kept(
         &mut self,
         z_buffer: &ZBuffer,
         config: &SplatConfig,

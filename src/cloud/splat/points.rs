@@ -29,7 +29,7 @@ pub(crate) const BYTES_A_POINT: usize = 3 * size_of::<f64>();
 impl Points {
     /// # Errors
     /// More than 2^32 - 2 points: a pixel keeps its point's index in 32 bits.
-    pub fn new(cloud: &PointCloud, frame: &Frame) -> Result<Points> {
+    pub(crate) fn new(cloud: &PointCloud, frame: &Frame) -> Result<Points> {
         if cloud.len() as u64 >= u64::from(u32::MAX) {
             return Err(Error::new(format!(
                 "the cloud has {} points, more than can be splatted ({})",
@@ -57,7 +57,7 @@ impl Points {
     ///
     /// The spacing of the points about `x` would say the same of a clean cloud; of a noisy one it
     /// says how far astray `x` is.
-    pub fn measure_discs(&mut self, frame: &Frame, sources: &[Camera]) {
+    pub(crate) fn measure_discs(&mut self, frame: &Frame, sources: &[Camera]) {
         let n_points = self.z.iter().filter(|z| !z.is_nan()).count();
         let n_pixels: f64 = sources
             .iter()
@@ -80,7 +80,7 @@ impl Points {
     }
 
     /// Draws no point from now on that `hidden`, one entry a point, says true of.
-    pub fn hide(&mut self, hidden: impl Iterator<Item = bool>) {
+    pub(crate) fn hide(&mut self, hidden: impl Iterator<Item = bool>) {
         for (z, hidden) in self.z.iter_mut().zip(hidden) {
             if hidden {
                 // Nothing that is NaN is drawn.
@@ -91,7 +91,13 @@ impl Points {
 
     /// Draws all points into a canonical `camera`'s `z_buffer`, which is emptied first, as `config`
     /// says; nothing nearer than `near`.
-    pub fn draw(&self, camera: &Camera, config: &SplatConfig, near: f64, z_buffer: &mut ZBuffer) {
+    pub(crate) fn draw(
+        &self,
+        camera: &Camera,
+        config: &SplatConfig,
+        near: f64,
+        z_buffer: &mut ZBuffer,
+    ) {
         match config.footprint {
             Footprint::Pixel => self.draw_pixels(camera, near, z_buffer),
             Footprint::Disc => self.draw_discs(camera, config.max_radius_px, near, z_buffer),
@@ -99,7 +105,7 @@ impl Points {
     }
 
     /// Draws all points into `z_buffer`, each in the one pixel that it falls into.
-    pub fn draw_pixels(&self, camera: &Camera, near: f64, z_buffer: &mut ZBuffer) {
+    pub(crate) fn draw_pixels(&self, camera: &Camera, near: f64, z_buffer: &mut ZBuffer) {
         z_buffer.clear(camera);
         let (width, height) = (f64::from(camera.width), f64::from(camera.height));
         self.project(camera, near, |point, [u, v], depth| {
@@ -123,7 +129,7 @@ impl Points {
     }
 
     /// Visits the discs of all points before a canonical `camera`, in the cloud's order.
-    pub fn discs(
+    pub(crate) fn discs(
         &self,
         camera: &Camera,
         max_radius_px: f64,

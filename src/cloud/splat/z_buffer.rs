@@ -26,31 +26,31 @@ pub(crate) struct Winner {
 
 impl ZBuffer {
     /// Empties it for an image of `camera`'s size.
-    pub fn clear(&mut self, camera: &Camera) {
+    pub(crate) fn clear(&mut self, camera: &Camera) {
         self.width = camera.width as usize;
         self.keys.clear();
         self.keys.resize(self.width * camera.height as usize, EMPTY);
     }
 
     /// Puts a point into a pixel, where it stays as long as it is the nearest there.
-    pub fn put(&mut self, pixel: usize, candidate: Winner) {
+    pub(crate) fn put(&mut self, pixel: usize, candidate: Winner) {
         let depth = u64::from(candidate.depth.to_bits());
         let key = depth << 32 | candidate.point as u64;
         self.keys[pixel] = key.min(self.keys[pixel]);
     }
 
     /// Pixels.
-    pub fn width(&self) -> usize {
+    pub(crate) fn width(&self) -> usize {
         self.width
     }
 
     /// The nearest point of every pixel, row by row.
-    pub fn winners(&self) -> impl ExactSizeIterator<Item = Option<Winner>> + '_ {
+    pub(crate) fn winners(&self) -> impl ExactSizeIterator<Item = Option<Winner>> + '_ {
         self.keys.iter().map(|key| winner(*key))
     }
 
     /// The nearest point of a pixel.
-    pub fn winner(&self, pixel: usize) -> Option<Winner> {
+    pub(crate) fn winner(&self, pixel: usize) -> Option<Winner> {
         winner(self.keys[pixel])
     }
 }

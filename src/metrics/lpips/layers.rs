@@ -38,7 +38,7 @@ pub(super) struct Conv {
 
 impl Conv {
     /// The features of `input`, which has `n_in` channels and holds the kernel at least once.
-    pub fn apply(&self, input: &Tensor) -> Tensor {
+    pub(crate) fn apply(&self, input: &Tensor) -> Tensor {
         let fits = |length: usize| (length + 2 * self.padding - self.side) / self.stride + 1;
         let (height, width) = (fits(input.height), fits(input.width));
         let patch_len = self.side * self.side * self.n_in;

@@ -11,7 +11,7 @@ const MAX_POINTS: usize = 60;
 type Measure = fn(&CurvePoint) -> Option<f64>;
 
 /// A run's name, metrics and weight of the SSIM term.
-pub struct Trained<'a> {
+pub(crate) struct Trained<'a> {
     pub name: &'a str,
     pub metrics: &'a Metrics,
     pub ssim_weight: f64,
@@ -21,7 +21,7 @@ pub struct Trained<'a> {
 ///
 /// # Errors
 /// Runs without any loss sample.
-pub fn plots(runs: &[Trained]) -> Result<Vec<String>> {
+pub(crate) fn plots(runs: &[Trained]) -> Result<Vec<String>> {
     let mut plots = vec![loss(runs).to_svg()?, size(runs).to_svg()?];
     // The test views on the way are measured on request alone.
     let measures: [(&str, Measure); 2] = [("PSNR (dB)", |p| p.psnr), ("SSIM", |p| p.ssim)];

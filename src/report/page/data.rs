@@ -18,14 +18,14 @@ const N_ROWS: usize = 90;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum CameraKind {
+pub(crate) enum CameraKind {
     Training,
     Virtual,
     Test,
 }
 
 #[derive(Debug, Serialize)]
-pub struct CameraData {
+pub(crate) struct CameraData {
     pub name: String,
     pub kind: CameraKind,
     /// Unit direction from the focus: front, right, up.
@@ -53,7 +53,7 @@ struct Quantity {
 }
 
 #[derive(Debug, Serialize)]
-pub struct PageData {
+pub(crate) struct PageData {
     pub cameras: Vec<CameraData>,
     n_rows: usize,
     quantities: Vec<Quantity>,
@@ -72,7 +72,7 @@ impl PageData {
     ///
     /// # Errors
     /// No camera of the run's is a training camera.
-    pub fn new(
+    pub(crate) fn new(
         cameras: &[Camera],
         frame: &Frame,
         config: &Config,
@@ -117,7 +117,7 @@ impl PageData {
         })
     }
 
-    pub fn n_cameras(&self, kind: CameraKind) -> usize {
+    pub(crate) fn n_cameras(&self, kind: CameraKind) -> usize {
         self.cameras.iter().filter(|c| c.kind == kind).count()
     }
 }

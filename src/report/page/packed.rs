@@ -14,16 +14,16 @@ use std::ops::RangeInclusive;
 use crate::gaussians::Gaussians;
 
 /// Most Gaussians that a page holds: 1.6 MB, 2.1 MB as text.
-pub const MAX_PACKED: usize = 100_000;
+pub(crate) const MAX_PACKED: usize = 100_000;
 
 /// Bytes a Gaussian.
-pub const PACKED_BYTES: usize = 16;
+pub(crate) const PACKED_BYTES: usize = 16;
 
 /// Range of a scale's logarithm, steps of 6 %; in `R`, from 6e-6 to 55.
-pub const SCALE_LOG: RangeInclusive<f32> = -12.0..=4.0;
+pub(crate) const SCALE_LOG: RangeInclusive<f32> = -12.0..=4.0;
 
 /// The `limit` Gaussians of most weight ([`Gaussians::heaviest`]).
-pub fn pack(gaussians: &Gaussians, limit: usize) -> Vec<u8> {
+pub(crate) fn pack(gaussians: &Gaussians, limit: usize) -> Vec<u8> {
     let chosen = gaussians.heaviest(limit);
     let mut bytes = Vec::with_capacity(PACKED_BYTES * chosen.len());
     for i in chosen {

@@ -19,18 +19,18 @@ const MAX_SIDE: u32 = 480;
 const MIN_SIDE: u32 = 64;
 
 /// Most pixels of all pictures of one kind together: some 0.6 MB of photographs, 1.1 MB of error maps.
-pub const MAX_PIXELS: u32 = 2_000_000;
+pub(crate) const MAX_PIXELS: u32 = 2_000_000;
 
 /// Mean error of the channels that takes the last colour of the map, of 1.
-pub const MAX_ERROR: f64 = 0.25;
+pub(crate) const MAX_ERROR: f64 = 0.25;
 
-pub fn base64(bytes: &[u8]) -> String {
+pub(crate) fn base64(bytes: &[u8]) -> String {
     STANDARD.encode(bytes)
 }
 
 /// A picture of the page.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Picture {
+pub(crate) struct Picture {
     pub width: u32,
     pub height: u32,
     /// `data:image/jpeg;base64,...`
@@ -38,7 +38,7 @@ pub struct Picture {
 }
 
 /// Longer side of each of `n` pictures shaped like `image` so that they keep the page small, pixels.
-pub fn side_of(n: usize, image: &Image) -> u32 {
+pub(crate) fn side_of(n: usize, image: &Image) -> u32 {
     let (width, height) = (f64::from(image.width), f64::from(image.height));
     let each = f64::from(MAX_PIXELS) / n.max(1) as f64;
     let side = (each * width.max(height) / width.min(height)).sqrt();
@@ -46,7 +46,7 @@ pub fn side_of(n: usize, image: &Image) -> u32 {
 }
 
 /// `image` as a JPEG whose longer side is at most `side` pixels.
-pub fn picture(image: &Image, side: u32) -> Result<Picture> {
+pub(crate) fn picture(image: &Image, side: u32) -> Result<Picture> {
     encode(&small(image, side)?)
 }
 
@@ -54,7 +54,7 @@ pub fn picture(image: &Image, side: u32) -> Result<Picture> {
 ///
 /// # Errors
 /// Pictures of two sizes.
-pub fn error_map(render: &Image, truth: &Image, side: u32) -> Result<Picture> {
+pub(crate) fn error_map(render: &Image, truth: &Image, side: u32) -> Result<Picture> {
     if (render.width, render.height) != (truth.width, truth.height) {
         return Err(Error::new(format!(
             "a render of {}x{} and a photograph of {}x{} do not compare",

@@ -105,7 +105,7 @@ impl Model {
     }
 }
 
-/// PINHOLE and SIMPLE_PINHOLE, shared and not, unsorted, a name with a blank and a folder.
+/// PINHOLE and `SIMPLE_PINHOLE`, shared and not, unsorted, a name with a blank and a folder.
 fn good() -> Model {
     let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.3, -0.7, 1.1);
     let pose = |i: f64| {

@@ -11,7 +11,7 @@ const IMAGE_BYTES: usize = 4 + 4 * 8 + 3 * 8 + 4 + 1 + 8;
 /// x, y and point id of an observation.
 const POINT2D_BYTES: usize = 8 + 8 + 8;
 
-pub fn read_cameras(bytes: &[u8], model: &mut Model) -> Result<()> {
+pub(crate) fn read_cameras(bytes: &[u8], model: &mut Model) -> Result<()> {
     let mut reader = Reader::new(bytes);
     for _ in 0..reader.count(CAMERA_BYTES, "cameras")? {
         let at = reader.position();
@@ -31,7 +31,7 @@ pub fn read_cameras(bytes: &[u8], model: &mut Model) -> Result<()> {
     Ok(())
 }
 
-pub fn read_images(bytes: &[u8], model: &mut Model) -> Result<()> {
+pub(crate) fn read_images(bytes: &[u8], model: &mut Model) -> Result<()> {
     let mut reader = Reader::new(bytes);
     for _ in 0..reader.count(IMAGE_BYTES, "images")? {
         let at = reader.position();

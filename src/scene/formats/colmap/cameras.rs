@@ -28,7 +28,7 @@ const MODELS: [(&str, usize); 16] = [
 ///
 /// # Errors
 /// An id without a name: nothing says where the next camera begins.
-pub fn by_id(camera: i64, model: i32) -> Result<(&'static str, usize)> {
+pub(crate) fn by_id(camera: i64, model: i32) -> Result<(&'static str, usize)> {
     let known = usize::try_from(model).ok().and_then(|i| MODELS.get(i));
     known
         .copied()
@@ -39,7 +39,12 @@ pub fn by_id(camera: i64, model: i32) -> Result<(&'static str, usize)> {
 ///
 /// # Errors
 /// A model that is not read, another number of parameters, or values that no lens has.
-pub fn intrinsics(camera: i64, model: &str, size: [u64; 2], params: &[f64]) -> Result<Intrinsics> {
+pub(crate) fn intrinsics(
+    camera: i64,
+    model: &str,
+    size: [u64; 2],
+    params: &[f64],
+) -> Result<Intrinsics> {
     let (pinhole, distortion) = lens(model, params).ok_or_else(|| {
         match MODELS.iter().find(|(name, _)| *name == model) {
             Some((_, n)) if *n != params.len() => Error::new(format!(

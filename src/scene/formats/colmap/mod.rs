@@ -158,7 +158,7 @@ pub(super) struct Model {
 }
 
 impl Model {
-    pub fn warnings(&self) -> Vec<String> {
+    pub(crate) fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         if self.n_unnormalized > 0 {
             warnings.push(format!(

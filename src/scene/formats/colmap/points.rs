@@ -11,7 +11,7 @@ const POINT_BYTES: usize = 8 + 3 * 8 + 3 + 8 + 8;
 /// Image id and index of an observation.
 const TRACK_BYTES: usize = 4 + 4;
 
-pub fn read_points_binary(bytes: &[u8]) -> Result<PointCloud> {
+pub(crate) fn read_points_binary(bytes: &[u8]) -> Result<PointCloud> {
     let mut reader = Reader::new(bytes);
     let n = reader.count(POINT_BYTES, "points")?;
     let mut cloud = PointCloud::default();
@@ -28,7 +28,7 @@ pub fn read_points_binary(bytes: &[u8]) -> Result<PointCloud> {
     Ok(cloud)
 }
 
-pub fn read_points_text(bytes: &[u8]) -> Result<PointCloud> {
+pub(crate) fn read_points_text(bytes: &[u8]) -> Result<PointCloud> {
     let mut cloud = PointCloud::default();
     for line in lines(bytes) {
         let (at, line) = line?;

@@ -4,7 +4,7 @@ use super::Model;
 use crate::error::{Error, Result, without_mark};
 
 /// The lines of a text file with their numbers from 1; bytes that are no UTF-8 are refused.
-pub fn lines(bytes: &[u8]) -> impl Iterator<Item = Result<(usize, &str)>> {
+pub(crate) fn lines(bytes: &[u8]) -> impl Iterator<Item = Result<(usize, &str)>> {
     without_mark(bytes)
         .split(|&b| b == b'\n')
         .zip(1..)
@@ -14,12 +14,12 @@ pub fn lines(bytes: &[u8]) -> impl Iterator<Item = Result<(usize, &str)>> {
         })
 }
 
-pub fn at_line(error: Error, number: usize) -> Error {
+pub(crate) fn at_line(error: Error, number: usize) -> Error {
     error.at(format_args!("line {number}"))
 }
 
 /// The next blank-separated field of `rest`, which it is cut from.
-pub fn field<'a>(rest: &mut &'a str, what: &str) -> Result<&'a str> {
+pub(crate) fn field<'a>(rest: &mut &'a str, what: &str) -> Result<&'a str> {
     let line = rest.trim_start();
     if line.is_empty() {
         return Err(Error::new(format!("the line ends before {what}")));
@@ -31,7 +31,7 @@ pub fn field<'a>(rest: &mut &'a str, what: &str) -> Result<&'a str> {
 }
 
 /// [`field`] as a number.
-pub fn number<T: std::str::FromStr>(rest: &mut &str, what: &str) -> Result<T> {
+pub(crate) fn number<T: std::str::FromStr>(rest: &mut &str, what: &str) -> Result<T> {
     let field = field(rest, what)?;
     field.parse().map_err(|_| {
         Error::new(format!(
@@ -41,7 +41,7 @@ pub fn number<T: std::str::FromStr>(rest: &mut &str, what: &str) -> Result<T> {
     })
 }
 
-pub fn numbers<const N: usize>(rest: &mut &str, what: &str) -> Result<[f64; N]> {
+pub(crate) fn numbers<const N: usize>(rest: &mut &str, what: &str) -> Result<[f64; N]> {
     let mut values = [0.0; N];
     for value in &mut values {
         *value = real(rest, what)?;
@@ -50,7 +50,7 @@ pub fn numbers<const N: usize>(rest: &mut &str, what: &str) -> Result<[f64; N]> 
 }
 
 /// [`number`], or NaN where Microsoft's C library wrote what is none (`-nan(ind)`, `1.#QNAN`).
-pub fn real(rest: &mut &str, what: &str) -> Result<f64> {
+pub(crate) fn real(rest: &mut &str, what: &str) -> Result<f64> {
     let mut ahead = *rest;
     let field = field(&mut ahead, what)?;
     let bare = field.trim_start_matches(['-', '+']);
@@ -65,7 +65,7 @@ fn is_data(line: &str) -> bool {
     !line.is_empty() && !line.starts_with('#')
 }
 
-pub fn read_cameras(bytes: &[u8], model: &mut Model) -> Result<()> {
+pub(crate) fn read_cameras(bytes: &[u8], model: &mut Model) -> Result<()> {
     for line in lines(bytes) {
         let (at, line) = line?;
         if is_data(line) {
@@ -98,7 +98,7 @@ fn camera_fields<'a>(line: &mut &'a str) -> Result<CameraFields<'a>> {
 }
 
 /// Each image takes two lines; the second, its observations, is not used, whatever it holds.
-pub fn read_images(bytes: &[u8], model: &mut Model) -> Result<()> {
+pub(crate) fn read_images(bytes: &[u8], model: &mut Model) -> Result<()> {
     let mut lines = lines(bytes);
     while let Some(line) = lines.next() {
         let (at, line) = line?;

@@ -102,14 +102,14 @@ impl Optics<'_> {
     }
 
     /// Width and height as stated.
-    pub fn size(&self) -> Result<Option<[f64; 2]>> {
+    pub(crate) fn size(&self) -> Result<Option<[f64; 2]>> {
         Ok(self
             .number("w")?
             .zip(self.number("h")?)
             .map(<[f64; 2]>::from))
     }
 
-    pub fn intrinsics(&self, size: [f64; 2]) -> Result<Intrinsics> {
+    pub(crate) fn intrinsics(&self, size: [f64; 2]) -> Result<Intrinsics> {
         let distortion = self.distortion()?;
         let fx = match self.number("fl_x")? {
             Some(fx) => fx,
