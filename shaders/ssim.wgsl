@@ -205,6 +205,7 @@ fn ssim_horizontal(thread: Thread) {
         norm = convolve_wide(m);
         keep_moments(NORM_PLANE, at, norm);
     }
+    // bound: 3 turns.
     for (var channel = 0u; channel < 3u; channel++) {
         #repeat b 8
         let x4_{b} = u32(clamp(i32(at.x4) + {b} - 2, 0, i32(view.row_vectors) - 1));
@@ -389,6 +390,7 @@ fn ssim_horizontal_backward(thread: Thread) {
     if (!at.inside || at.y >= view.size.y) {
         return;
     }
+    // bound: 3 turns.
     for (var channel = 0u; channel < 3u; channel++) {
         var own: Wide;
         var d_e: Wide;

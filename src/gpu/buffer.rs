@@ -50,8 +50,8 @@ impl BufferKind {
         self.is_uniform
     }
 
-    /// A buffer for `len` entries, all zero. Storage buffers have at least 16 bytes, so that they can
-    /// be bound.
+    /// A buffer for `len` entries, all zero. Storage buffers have room for one entry and 16 bytes at
+    /// least, so that they can be bound.
     ///
     /// # Errors
     /// More bytes than the adapter can bind at once, or memory runs out: names the numbers.
@@ -79,7 +79,8 @@ impl BufferKind {
         let bytes = (len as u64).saturating_mul(self.entry_bytes as u64);
         match self.is_uniform {
             true => bytes,
-            false => least(bytes),
+            // Kernels that read entries of this size bind no less than one.
+            false => least(bytes.max(self.entry_bytes as u64)),
         }
     }
 }

@@ -112,8 +112,8 @@ const PLANTS: [Plant; 36] = [
     ),
     plant(
         "tile_ranges",
-        "other == length && i < local",
-        "other == length && i > local",
+        "other == length && i < thread.local",
+        "other == length && i > thread.local",
         stage::TILE_ORDER,
     ),
     plant(
