@@ -128,6 +128,22 @@ fn a_view_that_alone_fits_nothing_is_named_with_the_cause() {
 }
 
 #[test]
+fn what_agrees_by_more_than_chance_but_would_clearly_better_is_told() {
+    let mut swapped = builtin();
+    swapped.cloud.colors.iter_mut().for_each(|c| c.reverse());
+    says(&swapped, &["red and blue", "exchanged"]);
+    let mut mirrored = builtin();
+    for view in &mut mirrored.train {
+        let width = 3 * view.image.width as usize;
+        for row in view.image.rgb.chunks_exact_mut(width) {
+            let pixels: Vec<[u8; 3]> = row.as_chunks().0.iter().rev().copied().collect();
+            row.copy_from_slice(pixels.as_flattened());
+        }
+    }
+    says(&mirrored, &["mirrored"]);
+}
+
+#[test]
 fn a_few_points_are_told_to_be_few() {
     let mut few = builtin();
     few.cloud = gspotential::scene::thin(&few.cloud, 5, 0);

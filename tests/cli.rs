@@ -265,6 +265,7 @@ fn metrics(pose_protocol: PoseProtocol) -> Metrics {
             test_views: Vec::new(),
             n_points: 0,
             cloud_crc32: None,
+            thumbnails: None,
             carved_points: None,
             pose_protocol,
         },

@@ -76,6 +76,7 @@ impl Made {
                 test_views: vec!["t".into(), "u".into()],
                 n_points: 3,
                 cloud_crc32: None,
+                thumbnails: None,
                 carved_points: None,
                 pose_protocol: self.pose_protocol,
             },

@@ -3,14 +3,12 @@
 use glam::{DVec3, Vec3, dvec3};
 use gspotential::camera::Frame;
 use gspotential::config::ModelConfig;
-use gspotential::doctor::twin::sh::basis;
 use gspotential::gaussians::Gaussians;
 use gspotential::gaussians::splat::write_splat;
-use gspotential::gaussians::spz::write_spz;
 use gspotential::scene::PointCloud;
 
 use crate::gaussians_ply::distinct;
-use crate::geometry::{Random, cloud, paper, scratch};
+use crate::geometry::{Random, cloud, paper};
 
 fn start(positions: Vec<DVec3>) -> Gaussians {
     Gaussians::from_cloud(&cloud(positions), &Frame::IDENTITY, &paper().model).unwrap()
@@ -258,98 +256,4 @@ fn splat_files_hold_what_is_drawn_heaviest_first() {
     assert_eq!(bytes[28..32], [192, 64, 192, 64]);
     assert_eq!(floats(32)[..3], [1.0; 3]);
     assert_eq!(bytes[56..64], [255, 128, 0, 128, 255, 128, 128, 128]);
-}
-
-/// What another program reads of a .spz file is the scene, turned about the x axis by half a turn.
-#[test]
-fn spz_files_hold_the_scene_within_a_step_of_each_value() {
-    let (_folder, path) = scratch("scene.spz");
-    let name = path.to_str().unwrap().to_owned();
-    for sh_degree in 0..=3 {
-        let mut gaussians = distinct(40, sh_degree);
-        // Coefficients reach from -1 to 1.
-        gaussians.sh.iter_mut().for_each(|c| *c *= 0.3);
-        gaussians.opacity_logits[7] = -20.0;
-        assert_eq!(write_spz(&path, &gaussians, &mut Vec::new()).unwrap(), 39);
-        let read = spz_rs::load_packed_gaussians_from_file(&name).unwrap();
-        assert_eq!((read.num_points, read.sh_degree), (39, sh_degree as usize));
-        for (k, i) in gaussians.heaviest(40).into_iter().enumerate() {
-            let there = read.unpack(k);
-            let [x, y, z] = gaussians.means[i].to_array();
-            within(&there.position, &[x, -y, -z], 1e-6);
-            within(
-                &there.scale,
-                &gaussians.scales_log[i].to_array(),
-                1.0 / 32.0,
-            );
-            let [w, x, y, z] = gaussians.rotation(i).unwrap();
-            // The reader finds w from the others, which are rounded.
-            within(&there.rotation[1..], &[x, -y, -z], 1.0 / 255.0);
-            within(&there.rotation[..1], &[w], 0.12);
-            let opacity = 1.0 / (1.0 + (-there.alpha).exp());
-            within(&[opacity], &[gaussians.opacity(i)], 0.5 / 255.0);
-            let n_sh = gaussians.n_sh();
-            let sh = |k: usize, c: usize| gaussians.sh[(i * n_sh + k) * 3 + c];
-            within(
-                &there.color,
-                &[sh(0, 0), sh(0, 1), sh(0, 2)],
-                0.5 / 255.0 / 0.15,
-            );
-            // The colour seen along any direction is the same in either frame.
-            for direction in [
-                dvec3(0.6, 0.0, 0.8),
-                dvec3(-0.48, 0.6, 0.64),
-                dvec3(0.36, -0.8, 0.48),
-            ] {
-                let turned = direction * dvec3(1.0, -1.0, -1.0);
-                let (here, seen) = (basis(direction.to_array()), basis(turned.to_array()));
-                for (c, rest) in [there.sh_r, there.sh_g, there.sh_b].iter().enumerate() {
-                    let ours: f64 = (1..n_sh).map(|k| here[k] * f64::from(sh(k, c))).sum();
-                    let theirs: f64 = (1..n_sh).map(|k| seen[k] * f64::from(rest[k - 1])).sum();
-                    // Half a step of each coefficient, 4/128 for degree 1 and 8/128 beyond.
-                    let step = |k: usize| if k < 4 { 4.5 / 128.0 } else { 8.5 / 128.0 };
-                    let bound: f64 = (1..n_sh).map(|k| here[k].abs() * step(k)).sum();
-                    assert!(
-                        (ours - theirs).abs() <= bound,
-                        "degree {sh_degree}: {ours} {theirs}"
-                    );
-                }
-            }
-        }
-    }
-}
-
-#[test]
-fn a_spz_file_reaches_as_far_as_its_numbers_and_no_farther() {
-    let (_folder, path) = scratch("scene.spz");
-    let mut gaussians = distinct(3, 1);
-    gaussians.sh.fill(0.0);
-    // Red of the first coefficient of degree 1, whose sign changes: beyond what 32 bits count.
-    gaussians.sh[3] = -1e30;
-    gaussians.means[1] = Vec3::new(0.0, -8_000_000.0, 5.0);
-    assert_eq!(write_spz(&path, &gaussians, &mut Vec::new()).unwrap(), 3);
-    let read = spz_rs::load_packed_gaussians_from_file(&path.to_str().unwrap().to_owned()).unwrap();
-    let farthest = (0..3)
-        .map(|k| read.unpack(k).position[1])
-        .fold(0.0, f32::max);
-    assert_eq!(farthest, 8_000_000.0);
-    let reds = (0..3).map(|k| read.unpack(k).sh_r[0]);
-    assert_eq!(reds.fold(0.0, f32::max), 127.0 / 128.0);
-    gaussians.means[1].y = -9_000_000.0;
-    let error = write_spz(&path, &gaussians, &mut Vec::new())
-        .unwrap_err()
-        .to_string();
-    assert!(
-        error.contains("9000000") && error.contains("scene.spz"),
-        "{error}"
-    );
-}
-
-#[track_caller]
-fn within(a: &[f32], b: &[f32], tolerance: f32) {
-    let is_close = a
-        .iter()
-        .zip(b)
-        .all(|(a, b)| (a - b).abs() <= 1.001 * tolerance);
-    assert!(a.len() == b.len() && is_close, "{a:?} {b:?}");
 }

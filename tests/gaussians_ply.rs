@@ -362,7 +362,7 @@ fn far_from_the_origin_an_offset_is_taken_out_and_told() {
     assert_eq!(stored.offset, dvec3(500_001.0, 4_500_001.0, 120.0));
     let header = String::from_utf8_lossy(&std::fs::read(&path).unwrap()[..120]).into_owned();
     assert!(
-        header.contains("\ncomment offset 500001 4500001 120\n"),
+        header.contains("\ncomment offsetx 500001\ncomment offsety 4500001\ncomment offsetz 120\n"),
         "{header}"
     );
     let worst = |offset| {

@@ -42,6 +42,7 @@ mod scene;
 mod shell;
 mod single_view;
 mod splat;
+mod spz;
 mod study;
 mod views;
 mod visibility;

@@ -66,6 +66,48 @@ fn a_scene_that_has_moved_is_measured_and_another_is_refused_by_what_differs() {
         "is not in the scene",
     );
 
+    let no_other = "has another photograph or mask";
+    refused(
+        |s| s.test[0].image.rgb.iter_mut().for_each(|v| *v = 255 - *v),
+        no_other,
+    );
+    refused(
+        |s| {
+            let other = s.train[1].image.clone();
+            s.train[1].image = std::mem::replace(&mut s.train[0].image, other);
+        },
+        no_other,
+    );
+    // Something that was moved within the photograph.
+    refused(|s| s.train[0].image.rgb[..600].fill(0), no_other);
+    // Another program's rounding.
+    let output = eval(&changed(|s| {
+        let values = s.train.iter_mut().flat_map(|v| &mut v.image.rgb);
+        values.for_each(|v| *v ^= 1);
+    }));
+    assert_eq!(output.code, Some(0), "{}", output.log);
+
     let nowhere = run(place.path(), &["eval", "run", "--scene", "nowhere"]);
     assert!(nowhere.log.contains("cannot open the scene"));
+}
+
+#[test]
+fn a_run_within_its_scene_is_no_part_of_it() {
+    let scene = changed(|_| {});
+    let train = |out: &str| {
+        let train = "train --iterations 1 --preset 3dgs --max-points 50 --scene . --out";
+        let log = succeed(scene.path(), &format!("{train} {out}")).log;
+        let model = std::fs::read(scene.path().join(out).join("point_cloud.ply"));
+        (model.expect("a model"), log)
+    };
+    // Where images and masks might lie, too.
+    let (first, _) = train("images/run");
+    let (second, log) = train("run");
+    assert!(first == second);
+    assert!(!log.contains("have no pose"), "{log}");
+    // What was measured is still what is there.
+    let log = succeed(scene.path(), "eval images/run run").log;
+    assert!(!log.contains("evaluation:"), "{log}");
+    let log = succeed(scene.path(), "eval run --again").log;
+    assert!(log.contains("evaluation:"), "{log}");
 }

@@ -262,6 +262,7 @@ fn metrics_read_back_and_keep_what_may_vary_apart() {
             test_views: vec!["b".into()],
             n_points: 3,
             cloud_crc32: None,
+            thumbnails: None,
             carved_points: None,
             pose_protocol: PoseProtocol::SharedFrame,
         },

@@ -46,7 +46,6 @@ pub struct Visibility {
     frame: Frame,
     near: f64,
     points: Points,
-    positions: Vec<DVec3>,
     /// Centres of the training cameras.
     centers: Vec<DVec3>,
     /// Training cameras that see a point, one point's after the other's; `first[k]..first[k + 1]`
@@ -76,39 +75,36 @@ impl Visibility {
             .par_iter()
             .map(|camera| DepthMap::new(&occluders, &frame.camera_to_canonical(camera), near))
             .collect();
-        let positions: Vec<DVec3> = cloud
-            .positions
-            .iter()
-            .map(|p| frame.to_canonical(*p))
-            .collect();
+        // Two clouds at once would be the most that is held.
+        drop(occluders);
+        let mut points = Points::new(cloud, frame)?;
         // A list for each point of millions would take more room than all else.
-        let runs: Vec<(Vec<u32>, Vec<usize>)> = positions
-            .par_chunks(POINTS_A_RUN)
-            .map(|points| {
-                let (mut seen, mut ends) = (Vec::new(), Vec::with_capacity(points.len()));
-                for p in points {
-                    let sees = |map: &DepthMap| map.sees(*p, near, config.depth_tolerance);
+        let runs: Vec<(Vec<u32>, Vec<u32>)> = (0..points.len().div_ceil(POINTS_A_RUN))
+            .into_par_iter()
+            .map(|run| {
+                let run = run * POINTS_A_RUN..((run + 1) * POINTS_A_RUN).min(points.len());
+                let (mut seen, mut ends) = (Vec::new(), Vec::with_capacity(run.len()));
+                for p in run.map(|point| points.position(point)) {
+                    let sees = |map: &DepthMap| map.sees(p, near, config.depth_tolerance);
                     seen.extend((0..).zip(&maps).filter(|(_, m)| sees(m)).map(|(i, _)| i));
-                    ends.push(seen.len());
+                    ends.push(seen.len() as u32);
                 }
                 (seen, ends)
             })
             .collect();
         let mut seen_by: Vec<u32> =
             Vec::with_capacity(runs.iter().map(|(seen, _)| seen.len()).sum());
-        let mut first = Vec::with_capacity(positions.len() + 1);
+        let mut first = Vec::with_capacity(points.len() + 1);
         first.push(0);
         for (seen, ends) in runs {
-            first.extend(ends.iter().map(|end| seen_by.len() + end));
+            first.extend(ends.iter().map(|end| seen_by.len() + *end as usize));
             seen_by.extend(seen);
         }
-        let mut points = Points::new(cloud, frame)?;
         points.measure_discs(frame, train);
         Ok(Visibility {
             frame: *frame,
             near,
             points,
-            positions,
             centers: maps.iter().map(|map| map.camera.center()).collect(),
             seen_by,
             first,
@@ -152,7 +148,7 @@ impl Visibility {
     /// Whether some training camera sees the point of this index from within the greatest angle of
     /// `eye`, canonical.
     pub fn is_seen(&self, point: usize, eye: DVec3) -> bool {
-        let x = self.positions[point];
+        let x = self.points.position(point);
         let to_eye = eye - x;
         self.seen_by[self.first[point]..self.first[point + 1]]
             .iter()
@@ -198,10 +194,10 @@ pub fn candidate_shares(
 /// Points whose cameras are listed together.
 const POINTS_A_RUN: usize = 1 << 14;
 
-/// Bytes a point that finding what sees it takes at most, with so many training cameras, beside those
-/// of splatting it.
+/// Bytes a point that knowing what sees it takes at most, with so many training cameras, beside those of
+/// splatting it. The lists of a run lie beside that of all only while no other cloud does.
 pub fn bytes_a_point(n_cameras: usize) -> usize {
-    size_of::<DVec3>() + splat::BYTES_A_POINT + size_of::<usize>() + n_cameras * size_of::<u32>()
+    splat::BYTES_A_POINT + size_of::<usize>() + n_cameras * size_of::<u32>()
 }
 
 /// Depths of the nearest points in a training view, at a low resolution.

@@ -70,3 +70,11 @@ pub fn create_dir(path: &Path) -> Result<()> {
     fs::create_dir_all(path)
         .map_err(|e| Error::new(format!("cannot create the directory: {e}")).at_path(path))
 }
+
+/// Peak resident set of this process in bytes, where the system tells (Linux).
+pub fn peak_host_bytes() -> Option<u64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    kib.checked_mul(1024)
+}

@@ -6,7 +6,9 @@
 //! opacity a logit, scales logarithms, the rotation wxyz and as stored, the normals 0.
 //!
 //! Far from the scene's origin f32 would round positions to a visible grid. There they are stored
-//! without [`Frame::offset`], which the header has as `comment offset X Y Z`: what is to be added.
+//! without [`Frame::offset`], which the header has as `comment offsetx X`, `offsety` and `offsetz`: what
+//! is to be added. That is how the PLYs of XGRIDS' scanners say where on the map their Gaussians are, and
+//! programs that put Gaussians on a map read it.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -47,7 +49,7 @@ pub fn write_ply(path: &Path, gaussians: &Gaussians, frame: &Frame) -> Result<()
     let offset = frame.offset();
     if offset != DVec3::ZERO {
         let line = format!(
-            "comment offset {} {} {}\nelement",
+            "comment offsetx {}\ncomment offsety {}\ncomment offsetz {}\nelement",
             offset.x, offset.y, offset.z
         );
         header = header.replacen("element", &line, 1);
@@ -132,18 +134,24 @@ pub fn read_ply(path: &Path) -> Result<Stored> {
     })
 }
 
-/// The offset that a header's comment tells; zero where none does.
+/// The offset that a header's comments tell; zero where they tell none along some axis.
 fn offset_of(header: &[u8]) -> DVec3 {
     let text = String::from_utf8_lossy(header);
-    let numbers = text.lines().find_map(|line| {
-        let line = line.trim().strip_prefix("comment offset ")?;
-        let numbers = line.split_whitespace().map(|word| word.parse::<f64>().ok());
-        <[f64; 3]>::try_from(numbers.collect::<Option<Vec<_>>>()?).ok()
-    });
-    let offset = numbers.map(DVec3::from_array);
-    offset
-        .filter(|offset| offset.is_finite())
-        .unwrap_or(DVec3::ZERO)
+    let along = |axis: &str| {
+        text.lines().find_map(|line| {
+            let words: Vec<&str> = line.split_whitespace().collect();
+            match words[..] {
+                ["comment", name, value] if name == axis => value.parse().ok(),
+                _ => None,
+            }
+        })
+    };
+    let axes = ["offsetx", "offsety", "offsetz"].map(along);
+    let offset = DVec3::from_array(axes.map(|value| value.unwrap_or(f64::NAN)));
+    match offset.is_finite() {
+        true => offset,
+        false => DVec3::ZERO,
+    }
 }
 
 /// The Gaussians, and the byte at which the header ends.

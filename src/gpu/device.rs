@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::files::peak_host_bytes;
 
 /// An opened adapter. Cheap to share by reference; all buffers and kernels are made through it.
 pub struct Gpu {
@@ -17,6 +18,7 @@ pub struct Gpu {
     pub(super) peak: AtomicU64,
     memory_limit: AtomicU64,
     faults: Arc<Mutex<Faults>>,
+    host_bytes_at_start: u64,
 }
 
 /// What the driver and the validation have reported outside any call.
@@ -71,7 +73,14 @@ impl Gpu {
             peak: AtomicU64::new(0),
             memory_limit: AtomicU64::new(u64::MAX),
             faults,
+            host_bytes_at_start: peak_host_bytes().unwrap_or(0),
         })
+    }
+
+    /// Peak memory of the process when the adapter was opened, which commands do first: that of the program
+    /// and the driver. 0 where it cannot be told.
+    pub fn host_bytes_at_start(&self) -> u64 {
+        self.host_bytes_at_start
     }
 
     /// The adapter's name, driver and kind, for logs and reports.

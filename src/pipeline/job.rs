@@ -1,6 +1,7 @@
 //! What a training run is asked for.
 
 use super::load_scene;
+use super::moved::thumbnail;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::run::SceneRecord;
@@ -110,6 +111,14 @@ pub(super) fn record(scene: &Scene, job: &TrainJob) -> SceneRecord {
         test_views: names(&scene.test),
         n_points: scene.cloud.len(),
         cloud_crc32: Some(scene.cloud.crc32()),
+        thumbnails: Some(
+            scene
+                .train
+                .iter()
+                .chain(&scene.test)
+                .map(thumbnail)
+                .collect(),
+        ),
         carved_points: None,
         pose_protocol: scene.pose_protocol,
     }

@@ -3,6 +3,7 @@
 use super::Prepared;
 use crate::cloud::{splat, visibility};
 use crate::config::Config;
+use crate::files::peak_host_bytes;
 use crate::gaussians::Gaussians;
 use crate::gpu::Gpu;
 use crate::report::{gpu_memory_table, host_memory_table};
@@ -16,7 +17,7 @@ pub struct Forecast {
     pub gpu: TrainingBytes,
     /// The same once the set has grown as far as it may; `None` where nothing grows.
     pub gpu_at_most: Option<TrainingBytes>,
-    /// What the process holds from beginning to end, bytes by part.
+    /// What the process holds at most from beginning to end, bytes by part; no less than it has held so far.
     pub host: Vec<(&'static str, u64)>,
 }
 
@@ -28,24 +29,32 @@ impl Forecast {
         } = prepared;
         let goals = |views: &[TrainingView]| views.iter().map(|v| v.goal.bytes() as u64).sum();
         let carved = prepared.carved.as_ref().map(|c| cloud_bytes(&c.cloud));
+        let mut host = vec![
+            ("the program and the driver", gpu.host_bytes_at_start()),
+            ("training photographs", image_bytes(&scene.train)),
+            ("their goals", goals(&supervision.real)),
+            (
+                "goals of the virtual views",
+                goals(&supervision.virtual_views),
+            ),
+            ("test photographs", image_bytes(&scene.test)),
+            (
+                "point cloud",
+                cloud_bytes(&scene.cloud) + carved.unwrap_or(0),
+            ),
+            ("first Gaussians", gaussian_bytes(start)),
+            ("its points, for a while", splatting_bytes(scene, config)),
+        ];
+        // A file with text or with observations may be larger than all that is made of it.
+        let all: u64 = host.iter().map(|(_, bytes)| bytes).sum();
+        let loaded = peak_host_bytes().unwrap_or(0);
+        if loaded > all {
+            host.push(("loading, beyond these", loaded - all));
+        }
         Forecast {
             gpu: TrainingBytes::at_start(gpu, start.len(), supervision, config),
             gpu_at_most: TrainingBytes::at_most(gpu, start.len(), supervision, config),
-            host: vec![
-                ("training photographs", image_bytes(&scene.train)),
-                ("their goals", goals(&supervision.real)),
-                (
-                    "goals of the virtual views",
-                    goals(&supervision.virtual_views),
-                ),
-                ("test photographs", image_bytes(&scene.test)),
-                (
-                    "point cloud",
-                    cloud_bytes(&scene.cloud) + carved.unwrap_or(0),
-                ),
-                ("first Gaussians", gaussian_bytes(start)),
-                ("its points, for a while", splatting_bytes(scene, config)),
-            ],
+            host,
         }
     }
 
@@ -87,7 +96,12 @@ fn splatting_bytes(scene: &Scene, config: &Config) -> u64 {
         true => visibility::bytes_a_point(scene.train.len()),
         false => 0,
     };
-    (scene.cloud.len() * (splat::BYTES_A_POINT + visibility)) as u64
+    // In order to find the median of the confidences, and as a share of it.
+    let confidence = match scene.cloud.confidence {
+        Some(_) => size_of::<f32>() + size_of::<f64>(),
+        None => 0,
+    };
+    (scene.cloud.len() * (splat::BYTES_A_POINT + visibility + confidence)) as u64
 }
 
 fn gaussian_bytes(gaussians: &Gaussians) -> u64 {

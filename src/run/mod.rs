@@ -28,9 +28,10 @@ pub use names::file_names;
 pub use profile::{KernelProfile, RunProfile, StepProfile};
 pub use record::{
     CurvePoint, JobRecord, Memory, Metrics, ModelSize, PoseChange, SceneRecord, Seconds,
-    peak_host_bytes,
 };
 pub use stop::{Gentle, Stop};
+
+pub use crate::files::peak_host_bytes;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

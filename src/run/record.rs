@@ -70,6 +70,10 @@ pub struct SceneRecord {
     /// Checksum of their places, colours and confidences; null in files of older versions.
     #[serde(default)]
     pub cloud_crc32: Option<u32>,
+    /// What the photographs of the training and then the test views show, in 8x8 cells; null in files of
+    /// older versions.
+    #[serde(default)]
+    pub thumbnails: Option<Vec<String>>,
     /// Points that each round of carving removed; null where it was off.
     pub carved_points: Option<Vec<usize>>,
     pub pose_protocol: PoseProtocol,
@@ -167,12 +171,4 @@ pub struct ModelSize {
     pub n_gaussians: usize,
     /// What changed it; null for the start.
     pub plan: Option<PlanCounts>,
-}
-
-/// Peak resident set of this process in bytes, where the system tells (Linux).
-pub fn peak_host_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
-    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    kib.checked_mul(1024)
 }

@@ -3,28 +3,37 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::cloud::thin;
 use super::{PointCloud, View};
+
+/// Points of the whole cloud that are kept where masks drop some: what needs more than a sample of it
+/// needs what is left.
+const MAX_SAMPLE: usize = 60_000;
 
 /// Drops points that some training view, its subject cut out, has in its frame but outside of its
 /// mask, so that what is left lies within the visual hull (Laurentini 1994). A pixel beside the
 /// mask's edge does not accuse: edges are seldom better than that. The count goes to `warnings`.
+/// Returns, if any is dropped, a sample of the cloud as it was.
 pub(super) fn keep_within_masks(
     cloud: &mut PointCloud,
     train: &[View],
     warnings: &mut Vec<String>,
-) {
+) -> Option<PointCloud> {
     let n = cloud.len();
     let positions = cloud.positions.par_iter();
     let kept: Vec<bool> = positions
         .map(|p| train.iter().all(|view| !is_outside(view, *p)))
         .collect();
-    cloud.retain(&kept);
-    if cloud.len() < n {
-        warnings.push(format!(
-            "{} of {n} points lie outside of the masks: dropped",
-            n - cloud.len()
-        ));
+    if kept.iter().all(|kept| *kept) {
+        return None;
     }
+    let whole = thin(cloud, MAX_SAMPLE, 0);
+    cloud.retain(&kept);
+    warnings.push(format!(
+        "{} of {n} points lie outside of the masks: dropped",
+        n - cloud.len()
+    ));
+    Some(whole)
 }
 
 /// Whether the view's frame has the point, and the mask of its cut-out subject nothing around it.

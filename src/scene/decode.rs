@@ -8,8 +8,9 @@ use super::fitted::{Fit, Fitted, fitted};
 use super::image_file::{decoded, open_image};
 use super::images::PosedImage;
 use super::layout::PosedCamera;
-use super::masks::{Levels, Masks, Unbelieved};
+use super::masks::{AlphaIs, Levels, Masks, Unbelieved};
 use super::undistort::{Cut, Undistortion};
+use super::window::Window;
 use super::{Image, LoadOptions, View};
 use crate::camera::bounded_size;
 use crate::error::{Error, Result};
@@ -20,6 +21,8 @@ pub(super) struct Decoded {
     pub view: View,
     /// Why its alpha channel is no mask, where it has one that is none.
     pub unbelieved: Option<Unbelieved>,
+    /// What an alpha channel that is its mask may be, unless the options say what that is.
+    pub window: Option<Option<Window>>,
     /// Whether its EXIF data ask for it to be turned for display.
     pub is_turned: bool,
     pub fit: Fit,
@@ -43,6 +46,7 @@ pub(super) struct Decoded {
 pub(super) fn decode(
     photograph: &PosedImage,
     masks: &Masks,
+    alpha: AlphaIs,
     options: &LoadOptions,
 ) -> Result<Decoded> {
     let PosedImage { posed, path } = photograph;
@@ -53,7 +57,7 @@ pub(super) fn decode(
         .mask
         .clone()
         .or_else(|| masks.file(&posed.camera.name));
-    let (mut mask, unbelieved) = Levels::of(file, &image, options.outside_mask)?;
+    let (mut mask, unbelieved) = Levels::of(file, &image, options.outside_mask, alpha)?;
     let mut image = image.into_rgb8();
     if let Some(mask) = &mask {
         mask.cut_out(&mut image, options.background);
@@ -74,6 +78,7 @@ pub(super) fn decode(
         image = resize(&image, target.0, target.1, FilterType::Lanczos3);
     }
     Ok(Decoded {
+        window: mask.as_ref().and_then(|mask| mask.window),
         view: View {
             camera: camera.resized(target.0, target.1),
             image: from_rgb(image),
@@ -107,7 +112,7 @@ fn decode_bytes(bytes: &[u8], posed: &PosedCamera) -> Result<(DynamicImage, Fitt
     // Broken EXIF data ask for nothing.
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let is_turned = orientation != Orientation::NoTransforms;
-    Ok((decoded(decoder)?, fitted, is_turned))
+    Ok((decoded(bytes, decoder)?, fitted, is_turned))
 }
 
 fn from_rgb(image: RgbImage) -> Image {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
-use super::jpeg::check_whole;
+use super::jpeg::{check_end, check_scans};
 use crate::error::{Error, Result};
 use crate::files::read_file;
 
@@ -39,7 +39,7 @@ pub(super) fn open_image(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, (u32, 
         ))
         .way_out("convert it to PNG or JPEG"));
     }
-    check_whole(bytes)?;
+    check_end(bytes)?;
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_SIDE);
     limits.max_image_height = Some(MAX_SIDE);
@@ -69,8 +69,12 @@ pub(super) fn open_image(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, (u32, 
     Ok((decoder, (width, height)))
 }
 
-/// All pixels of what [`open_image`] opened.
-pub(super) fn decoded(decoder: impl ImageDecoder) -> Result<DynamicImage> {
+/// All pixels of what [`open_image`] opened of `bytes`.
+///
+/// # Errors
+/// Damage, and pixels that are missing.
+pub(super) fn decoded(bytes: &[u8], decoder: impl ImageDecoder) -> Result<DynamicImage> {
+    check_scans(bytes)?;
     DynamicImage::from_decoder(decoder).map_err(undecodable)
 }
 

@@ -17,11 +17,12 @@ use super::formats::{self, confidence_of};
 use super::images::{PosedImage, match_images};
 use super::inverted::{are_inverted, turned};
 use super::layout::PosedCamera;
-use super::masks::{Masks, Unbelieved};
+use super::masks::{AlphaIs, Masks, Unbelieved};
 use super::protocol::PoseProtocol;
 use super::split::{choose, regroup};
 use super::undistort::Cut;
-use super::{CloudSource, LoadOptions, PointCloud, Scene, View};
+use super::window::Window;
+use super::{CloudSource, LoadOptions, Outside, PointCloud, Scene, View};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::files::bytes::read_regular;
@@ -70,10 +71,7 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     let masks = Masks::of(dir);
     let (cloud, decoded) = rayon::join(
         || read_points(&cloud_path, confidence_path.as_deref()),
-        || -> Vec<Result<Decoded>> {
-            let views = chosen.par_iter();
-            views.map(|v| decode(v, &masks, options)).collect()
-        },
+        || decode_all(&chosen, &masks, options),
     );
     let by_folder = chosen.iter().filter(|v| v.posed.mask.is_none());
     warnings.extend(masks.missing(by_folder.map(|v| v.posed.camera.name.as_str())));
@@ -108,7 +106,7 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     if cloud.is_empty() {
         return Err(no_point(&cloud_path, n_stored));
     }
-    keep_within_masks(&mut cloud, &train, &mut warnings);
+    let mut whole_cloud = keep_within_masks(&mut cloud, &train, &mut warnings);
     if cloud.is_empty() {
         return Err(Error::new("no point of the cloud lies within the masks of all training views")
             .at_path(&cloud_path)
@@ -117,6 +115,7 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     let random = options.cloud == Some(CloudSource::Random);
     if random {
         cloud = random_like(&cloud, options.seed);
+        whole_cloud = None;
     }
     let relative = |path: &Path| path.strip_prefix(dir).unwrap_or(path).display().to_string();
     let mut source = layout.source;
@@ -134,9 +133,32 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         train,
         test,
         cloud,
+        whole_cloud,
         pose_protocol,
         warnings,
     })
+}
+
+/// The photographs in order. Alpha channels say that a subject is cut out, unless all of them are one and
+/// the same window, in which case what they leave out is ignored.
+fn decode_all(
+    chosen: &[&PosedImage],
+    masks: &Masks,
+    options: &LoadOptions,
+) -> Vec<Result<Decoded>> {
+    let as_if = |alpha: AlphaIs| -> Vec<Result<Decoded>> {
+        let views = chosen.par_iter();
+        views.map(|v| decode(v, masks, alpha, options)).collect()
+    };
+    let decoded = as_if(AlphaIs::CutOut);
+    let all = decoded.iter().filter_map(|d| d.as_ref().ok());
+    let windows: Vec<Option<Window>> = all.filter_map(|d| d.window).collect();
+    if !Window::are_one(&windows) {
+        return decoded;
+    }
+    // The background has been put behind them.
+    drop(decoded);
+    as_if(AlphaIs::Window)
 }
 
 /// What the poses are worth, with a warning where some were only interpolated.
@@ -217,13 +239,17 @@ fn no_point(path: &Path, n_stored: usize) -> Error {
 fn views(decoded: Vec<Result<Decoded>>, warnings: &mut Vec<String>) -> Result<Vec<View>> {
     let mut views = Vec::with_capacity(decoded.len());
     let (mut rescaled, mut seen, mut cut) = (Vec::new(), Vec::new(), Vec::new());
-    let mut turned = Vec::new();
+    let (mut turned, mut windows) = (Vec::new(), Vec::new());
     let mut unbelieved: BTreeMap<Unbelieved, Vec<String>> = BTreeMap::new();
     for decoded in decoded {
         let decoded = decoded?;
         let (name, (width, height)) = (&decoded.view.camera.name, decoded.stated);
         if decoded.is_turned {
             turned.push(name.clone());
+        }
+        let outside = decoded.view.mask.as_ref().map(|mask| mask.outside);
+        if decoded.window.is_some() && outside == Some(Outside::Ignored) {
+            windows.push(name.clone());
         }
         if let Some(why) = decoded.unbelieved {
             unbelieved.entry(why).or_default().push(name.clone());
@@ -266,6 +292,15 @@ fn views(decoded: Vec<Result<Decoded>>, warnings: &mut Vec<String>) -> Result<Ve
         ));
     }
     warnings.extend(unbelieved.iter().map(|(why, names)| why.line(names)));
+    if let Some(example) = windows.first() {
+        warnings.push(format!(
+            "the alpha channels of {} photographs leave out the same border (`{}`{}), which is ignored: if a \
+             subject is cut out, say so with `--set scene.outside_mask=background`",
+            windows.len(),
+            example.escape_debug(),
+            more(windows.len())
+        ));
+    }
     if let Some(example) = turned.first() {
         warnings.push(format!(
             "{} photographs have an EXIF orientation (`{}`{}): it is not applied, so poses must be those of \
@@ -278,30 +313,47 @@ fn views(decoded: Vec<Result<Decoded>>, warnings: &mut Vec<String>) -> Result<Ve
     Ok(views)
 }
 
-/// A line where a PLY is taken although COLMAP's own points beside it are newer or far more: PLYs are
-/// left behind by earlier reconstructions and by programs that thin them.
+/// A line where a cloud is taken although COLMAP's own points beside it are newer or far more: files are
+/// left behind by earlier reconstructions and by programs that thin them. Text of as many points is what
+/// COLMAP's converter makes to be looked at.
 fn stale(taken: &Path, n_taken: usize) -> Option<String> {
-    let beside = taken.with_file_name("points3D.bin");
-    if taken.extension()? != "ply" {
-        return None;
-    }
-    let mut count = [0; 8];
-    File::open(&beside).ok()?.read_exact(&mut count).ok()?;
-    let n_beside = u64::from_le_bytes(count);
     let changed = |path: &Path| std::fs::metadata(path).ok()?.modified().ok();
-    let age = changed(&beside)?.duration_since(changed(taken)?).ok();
-    let is_newer = age.is_some_and(|age| age >= NEWER);
-    let is_larger = n_beside >= FAR_MORE * n_taken as u64;
-    let how = match (is_newer, is_larger) {
-        (true, true) => "is newer and has far more points",
-        (true, false) => "is newer",
-        (false, true) => "has far more points",
-        (false, false) => return None,
+    let of = |name: &str| {
+        let beside = taken.with_file_name(name);
+        let n_beside = n_points(&beside)?;
+        let age = changed(&beside)?.duration_since(changed(taken)?).ok();
+        let is_newer = age.is_some_and(|age| age >= NEWER);
+        let is_larger = n_beside >= FAR_MORE.saturating_mul(n_taken as u64);
+        let how = match (is_newer, is_larger) {
+            _ if beside == taken => return None,
+            _ if name.ends_with("txt") && n_beside == n_taken as u64 => return None,
+            (true, true) => "is newer and has far more points",
+            (true, false) => "is newer",
+            (false, true) => "has far more points",
+            (false, false) => return None,
+        };
+        Some(format!(
+            "`{name}` beside `{}` {how} ({n_beside} beside {n_taken}); `--cloud {name}` takes it",
+            taken.file_name()?.to_string_lossy().escape_debug()
+        ))
     };
-    Some(format!(
-        "`points3D.bin` beside `{}` {how} ({n_beside} beside {n_taken}); `--cloud points3D.bin` takes it",
-        taken.file_name()?.to_string_lossy().escape_debug()
-    ))
+    ["points3D.bin", "points3D.txt"].into_iter().find_map(of)
+}
+
+/// The number of points that a file of COLMAP's begins with.
+fn n_points(path: &Path) -> Option<u64> {
+    let mut file = File::open(path).ok()?;
+    if path.extension()? == "bin" {
+        let mut count = [0; 8];
+        file.read_exact(&mut count).ok()?;
+        return Some(u64::from_le_bytes(count));
+    }
+    let mut head = [0; 512];
+    let n = file.read(&mut head).ok()?;
+    let head = String::from_utf8_lossy(&head[..n]);
+    let (_, count) = head.split_once("# Number of points: ")?;
+    let digits = count.split(|c: char| !c.is_ascii_digit()).next()?;
+    digits.parse().ok()
 }
 
 /// The folder's own name, also for `.` and `..`.

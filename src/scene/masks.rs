@@ -9,13 +9,14 @@ use image::{DynamicImage, GrayImage, RgbImage};
 
 use super::image_file::{decoded, open_image, same_aspect};
 use super::lookup::stem;
+use super::window::Window;
 use super::{Mask, Outside};
 use crate::config::OutsideMask;
 use crate::error::{Error, Result};
 use crate::files::read_file;
 
 /// From this level on a pixel is set.
-const THRESHOLD: u8 = 128;
+pub(super) const THRESHOLD: u8 = 128;
 
 /// An alpha channel that leaves out, or one that keeps, no more than this share of the pixels is no
 /// mask: editors and resizers leave such pixels behind, and failed segmentations.
@@ -77,7 +78,7 @@ fn read_mask(path: &Path, photograph: (u32, u32)) -> Result<GrayImage> {
             ))
             .way_out("draw it on the photograph, or scale it without changing its shape"));
         }
-        let levels = decoded(decoder)?.into_luma8();
+        let levels = decoded(&bytes, decoder)?.into_luma8();
         let brightest = levels.pixels().map(|p| p.0[0]).max().unwrap_or(0);
         if brightest == 0 {
             return Err(
@@ -164,11 +165,23 @@ fn alpha_mask(photograph: &DynamicImage) -> Alpha {
 pub(super) struct Levels {
     pub levels: GrayImage,
     pub outside: Outside,
+    /// The window that an alpha channel may be whose use nobody has chosen.
+    pub window: Option<Option<Window>>,
+}
+
+/// What an alpha channel says where nobody has chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum AlphaIs {
+    /// What it leaves out is the background of a subject.
+    CutOut,
+    /// What it leaves out was not photographed.
+    Window,
 }
 
 impl Levels {
     /// The mask in the file `path` or else the photograph's alpha channel, at any size; what it
-    /// leaves out is as `wanted`. Beside it why an alpha channel is none.
+    /// leaves out is as `wanted`, which leaves what an alpha channel says to `alpha`. Beside it why an
+    /// alpha channel is none.
     ///
     /// # Errors
     /// What [`read_mask`] refuses.
@@ -176,14 +189,22 @@ impl Levels {
         path: Option<PathBuf>,
         photograph: &DynamicImage,
         wanted: OutsideMask,
+        alpha: AlphaIs,
     ) -> Result<(Option<Levels>, Option<Unbelieved>)> {
+        let mut window = None;
         let (levels, auto) = match path {
             Some(path) => {
                 let size = (photograph.width(), photograph.height());
                 (read_mask(&path, size)?, Outside::Ignored)
             }
             None => match alpha_mask(photograph) {
-                Alpha::Mask(levels) => (levels, Outside::Background),
+                Alpha::Mask(levels) => {
+                    window = (wanted == OutsideMask::Auto).then(|| Window::of(&levels));
+                    match alpha {
+                        AlphaIs::CutOut => (levels, Outside::Background),
+                        AlphaIs::Window => (levels, Outside::Ignored),
+                    }
+                }
                 Alpha::None => return Ok((None, None)),
                 Alpha::Unusable(why) => return Ok((None, Some(why))),
             },
@@ -194,7 +215,12 @@ impl Levels {
             OutsideMask::Background => Outside::Background,
             OutsideMask::Kept => Outside::Kept,
         };
-        Ok((Some(Levels { levels, outside }), None))
+        let levels = Levels {
+            levels,
+            outside,
+            window,
+        };
+        Ok((Some(levels), None))
     }
 
     /// Puts the `background`, RGB in [0, 1], behind the photograph where the mask asks for it.

@@ -25,6 +25,7 @@ mod source;
 mod split;
 mod stamp;
 mod undistort;
+mod window;
 mod write;
 
 pub use source::{CloudSource, DEFAULT_BUILTIN_WIDTH, SceneSource};
@@ -52,6 +53,8 @@ pub struct Scene {
     pub train: Vec<View>,
     pub test: Vec<View>,
     pub cloud: PointCloud,
+    /// A sample of the cloud as it was where masks have dropped some of its points.
+    pub whole_cloud: Option<PointCloud>,
     /// How the test cameras came into the frame of the training cameras.
     pub pose_protocol: PoseProtocol,
     /// What was dropped or assumed while loading, one line each, for the log.
@@ -83,6 +86,12 @@ impl View {
             .as_ref()
             .filter(|mask| mask.outside == Outside::Ignored);
         ignored.is_none_or(|mask| mask.set[pixel])
+    }
+
+    /// Whether a pixel, by its index, is the photograph's and not left out by its mask.
+    pub fn shows(&self, pixel: usize) -> bool {
+        let mask = self.mask.as_ref();
+        mask.is_none_or(|mask| mask.outside == Outside::Kept || mask.set[pixel])
     }
 
     /// Whether all its pixels count.

@@ -97,7 +97,7 @@ fn read(path: &Path) -> Result<Photograph> {
     // Metadata that cannot be read says nothing, as if there were none.
     let exif = decoder.exif_metadata().ok().flatten();
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-    let mut image = decoded(decoder)?;
+    let mut image = decoded(&bytes, decoder)?;
     image.apply_orientation(orientation);
     let image = image.into_rgb8();
     let image = Image {

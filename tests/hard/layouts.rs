@@ -269,3 +269,45 @@ fn a_test_view_that_is_a_training_view_is_evaluated_like_any_other() {
     assert!(psnr[1] > psnr[0], "{psnr:?}");
     assert!(psnr.iter().all(|p| (5.0..60.0).contains(p)), "{psnr:?}");
 }
+
+#[test]
+fn a_camera_far_away_clips_nothing_that_the_others_have_before_them() {
+    let mut scene = small_scene();
+    let (eyes, c) = ring();
+    // A wall so near the first camera that a hundredth of 30 radii lies behind it.
+    let camera = scene.train[0].camera.clone();
+    let reach = (eyes[0] - c).length();
+    let side = camera.forward().cross(camera.up());
+    for i in -20..=20 {
+        for j in -20..=20 {
+            let place =
+                camera.forward() * 0.2 + (side * f64::from(i) + camera.up() * f64::from(j)) * 0.01;
+            scene.cloud.positions.push(eyes[0] + place * reach);
+            scene.cloud.colors.push([200, 0, 0]);
+        }
+    }
+    scene.cloud.confidence = None;
+    let config = config(1);
+    let covered = |scene: &Scene, robust: bool| {
+        let cameras: Vec<Camera> = scene.train.iter().map(|v| v.camera.clone()).collect();
+        let focus = Focus::find(&cameras, &scene.cloud).expect("a sphere");
+        let mut frame = focus.frame();
+        if !robust {
+            frame.extent = frame.radius;
+        }
+        let near = frame.near(config.model.near);
+        let views = (&cameras[..1], &cameras[..]);
+        let splats = splat_views(&scene.cloud, &frame, views, &config.splat, near);
+        splats.expect("splats")[0].coverage()
+    };
+    let before = covered(&scene, true);
+    let eye = c + (eyes[1] - c) * 30.0;
+    let mut far = scene.train[1].clone();
+    far.camera = camera.looking_at("far.png".to_owned(), eye, c, camera.up());
+    scene.train.push(far);
+    let after = covered(&scene, true);
+    assert!((after - before).abs() < 0.02, "{before} {after}");
+    // With the greatest distance in its place, the wall is gone.
+    let clipped = covered(&scene, false);
+    assert!(clipped < after - 0.1, "{clipped} {after}");
+}

@@ -134,6 +134,7 @@ fn metrics(name: &str) -> Metrics {
             cloud: None,
             n_points: 1,
             cloud_crc32: None,
+            thumbnails: None,
             carved_points: None,
             pose_protocol: PoseProtocol::SharedFrame,
         },

@@ -329,3 +329,77 @@ fn the_built_in_scene_has_clouds_of_some_of_its_views_and_of_more() {
     let random = load(Some(CloudSource::Random));
     assert_eq!(random, random_like(&own, options().seed));
 }
+
+/// Seconds since some day, as the time of change of a scene's file.
+fn date(folder: &Folder, name: &str, seconds: u64) {
+    let day = std::time::UNIX_EPOCH + std::time::Duration::from_secs(1_700_000_000 + seconds);
+    let file = std::fs::File::options()
+        .append(true)
+        .open(folder.path().join(name));
+    file.and_then(|file| file.set_modified(day))
+        .expect("a date");
+}
+
+#[test]
+fn a_cloud_that_an_earlier_reconstruction_left_behind_is_told() {
+    let text = |n: usize| {
+        format!("# 3D point list\n# Number of points: {n}, mean track length: 2\n{POINTS_TXT}")
+    };
+    // The cloud that is taken has 3 points as PLY and 2 as COLMAP's.
+    for (taken, beside, seconds, said) in [
+        (
+            "points3D.ply",
+            ("points3D.bin", points_bin()),
+            100,
+            Some("`points3D.bin` beside `points3D.ply` is newer (2 beside 3)"),
+        ),
+        ("points3D.ply", ("points3D.bin", points_bin()), 30, None),
+        (
+            "points3D.ply",
+            ("points3D.txt", text(2).into_bytes()),
+            100,
+            Some("`points3D.txt` beside `points3D.ply` is newer (2 beside 3)"),
+        ),
+        (
+            "points3D.ply",
+            ("points3D.txt", text(30).into_bytes()),
+            0,
+            Some("has far more points (30 beside 3)"),
+        ),
+        (
+            "points3D.bin",
+            ("points3D.txt", text(5).into_bytes()),
+            100,
+            Some("`points3D.txt` beside `points3D.bin` is newer (5 beside 2)"),
+        ),
+        // The same in another format, and one that is older.
+        (
+            "points3D.bin",
+            ("points3D.txt", text(2).into_bytes()),
+            100,
+            None,
+        ),
+        (
+            "points3D.bin",
+            ("points3D.txt", text(5).into_bytes()),
+            0,
+            None,
+        ),
+    ] {
+        let folder = Folder::with_views(&["a.png", "b.png", "c.png", "d.png"]);
+        if taken != "points3D.ply" {
+            folder.remove("sparse/0/points3D.ply");
+            folder.write(&format!("sparse/0/{taken}"), points_bin());
+        }
+        let (name, bytes) = beside;
+        folder.write(&format!("sparse/0/{name}"), bytes);
+        date(&folder, &format!("sparse/0/{taken}"), 0);
+        date(&folder, &format!("sparse/0/{name}"), seconds);
+        let scene = folder.scene();
+        assert!(scene.source.contains(taken), "{}", scene.source);
+        match said {
+            Some(part) => warns(&scene, &[part]),
+            None => warns(&scene, &[]),
+        }
+    }
+}

@@ -264,6 +264,14 @@ fn a_stamp_changes_with_the_files_and_with_nothing_else() {
     assert!(with_cloud.is_some() && with_cloud != source.stamp(None));
     outside.write("cloud.ply", "12");
     assert_ne!(source.stamp(Some(&cloud)), with_cloud);
+    // A run that was put into the folder is none of the scene's files; a folder that only looks like one is.
+    let with_scene = stamp();
+    folder.write("runs/mine/config.json", "{}");
+    assert_ne!(stamp(), with_scene);
+    for mark in ["metrics.json", "eval.json", "point_cloud.ply"] {
+        folder.write(&format!("runs/mine/{mark}"), mark);
+        assert_eq!(stamp(), with_scene, "{mark}");
+    }
     let builtin = |width| SceneSource::Builtin { width }.stamp(None);
     assert!(builtin(64).is_some() && builtin(64) != builtin(65));
 }
@@ -323,4 +331,21 @@ fn a_photograph_that_is_all_but_opaque_throughout_has_no_mask() {
             .any(|w| w.contains("next to nothing out"));
         assert_eq!(told, !is_mask, "{alpha}: {:?}", scene.warnings);
     }
+}
+
+#[test]
+fn a_cloud_is_checked_as_it_was_before_masks_drop_its_points() {
+    let folder = Folder::with_views(&NAMES);
+    folder.write("masks/a.png.png", left_of(7, SIZE));
+    let load = |outside_mask| {
+        let options = LoadOptions {
+            outside_mask,
+            ..options()
+        };
+        folder.load_with(&options).expect("a scene")
+    };
+    let scene = load(OutsideMask::Background);
+    assert_eq!(scene.cloud.len(), 2);
+    assert_eq!(scene.whole_cloud.map(|cloud| cloud.len()), Some(3));
+    assert_eq!(load(OutsideMask::Ignored).whole_cloud, None);
 }

@@ -1,10 +1,12 @@
 //! Real scenes from beside the repository, and clouds as large as real ones.
 
+use std::path::Path;
 use std::time::Instant;
 
 use super::build::{options, warns};
 use crate::kit::data::shared;
-use gspotential::scene::{LoadOptions, PointCloud, View, load, read_cloud};
+use gspotential::cloud::agreement::Agreement;
+use gspotential::scene::{CloudSource, LoadOptions, PointCloud, View, load, read_cloud};
 
 #[test]
 #[ignore = "needs ../shared/scenes"]
@@ -48,6 +50,49 @@ fn real_scenes_load_with_their_known_numbers() {
             );
         }
     }
+}
+
+#[test]
+#[ignore = "needs ../shared/scenes"]
+fn real_scenes_are_told_nothing_that_is_not_so() {
+    let said = |dir: &Path, options: &LoadOptions| -> Vec<String> {
+        let scene = load(dir, options).unwrap_or_else(|e| panic!("{e}"));
+        let agreement = Agreement::of(&scene).unwrap_or_else(|e| panic!("{e}"));
+        scene
+            .warnings
+            .into_iter()
+            .chain(agreement.warnings)
+            .collect()
+    };
+    let small = LoadOptions {
+        max_size: Some(320),
+        ..options()
+    };
+    for name in ["kitchen", "fox"] {
+        assert_eq!(
+            said(&shared("scenes").join(name), &small),
+            [""; 0],
+            "{name}"
+        );
+    }
+    let dir = shared("scenes").join("kitchen");
+    let noisy = LoadOptions {
+        cloud: Some(CloudSource::File(dir.join("sparse/0/points3D_noisy.ply"))),
+        ..small.clone()
+    };
+    assert_eq!(said(&dir, &noisy), [""; 0]);
+    let said = said(&shared("scenes").join("dust3r_pair"), &small);
+    for part in [
+        "only 2 posed images",
+        "of what DUSt3R sees",
+        "read as camera-to-world",
+    ] {
+        assert!(
+            said.iter().any(|w| w.contains(part)),
+            "no {part:?} in {said:?}"
+        );
+    }
+    assert_eq!(said.len(), 3, "{said:?}");
 }
 
 /// Median, over the pixels with a point, of the nearest point's summed difference to the pixel.

@@ -16,6 +16,10 @@ const MAX_POINTS: usize = 10_000;
 const MAX_VIEWS: usize = 8;
 /// What mends it has colours agree by so much, and by so much more than before.
 const MENDED: f64 = 2.0 * MIN_AGREEMENT;
+/// If cloud and photographs agree by more than chance, as mirrored images of one place may, this much more
+/// says that something is wrong, and so much where red and blue are exchanged.
+const CLEARLY: f64 = MIN_AGREEMENT;
+const EXCHANGED: f64 = 0.05;
 /// Units are tried from `1 / RANGE` to `RANGE`, `N_UNITS` of them, a few per cent apart.
 const RANGE: f64 = 1e4;
 const N_UNITS: i32 = 400;
@@ -64,6 +68,49 @@ pub(super) fn likely_cause(
     Ok(best
         .filter(|(score, _)| *score >= before + MENDED)
         .map(|(score, what)| format!("{what} (colours are then correlated by {score:.2})")))
+}
+
+/// What would make cloud and photographs, which agree, agree clearly better: in every view that tells.
+pub(super) fn better_still(
+    cloud: &PointCloud,
+    photos: &[Photo],
+    center: DVec3,
+) -> Result<Option<String>> {
+    let probe = Probe::new(&thin(cloud, MAX_POINTS, 0), center)?;
+    let exchanged = probe.recolored(|[r, g, b]| [b, g, r]);
+    let step = photos.len().div_ceil(MAX_VIEWS).max(1);
+    let photos: Vec<&Photo> = photos.iter().step_by(step).collect();
+    let colors = |probe: &Probe, photo: &Photo| {
+        let colors = probe.look(photo, STILL).colors;
+        colors.map(|colors| colors.agreement)
+    };
+    let gain = |changed: &dyn Fn(&Photo) -> Option<f64>| {
+        let pairs = photos
+            .iter()
+            .map(|p| Some((colors(&probe, p)?, changed(p)?)));
+        let pairs: Vec<(f64, f64)> = pairs.flatten().collect();
+        let is_better = !pairs.is_empty() && pairs.iter().all(|(before, after)| after > before);
+        let n = pairs.len().max(1) as f64;
+        let mean = |of: fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / n;
+        let (before, after) = (mean(|p| p.0), mean(|p| p.1));
+        (if is_better { after - before } else { 0.0 }, before, after)
+    };
+    let of_views = CHANGES.iter().map(|(what, change)| {
+        let gained = gain(&|photo| colors(&probe, &change(photo)));
+        (gained, *what, CLEARLY)
+    });
+    // What is where stays as it is: any gain says that the channels are others.
+    let of_colors = (
+        gain(&|photo| colors(&exchanged, photo)),
+        "red and blue of the cloud's points are exchanged: write red, green, blue",
+        EXCHANGED,
+    );
+    let all = of_views.chain([of_colors]);
+    let best = all.filter(|((gain, ..), _, least)| gain >= least);
+    let best = best.reduce(|a, b| if b.0.0 > a.0.0 { b } else { a });
+    Ok(best.map(|((_, before, after), what, _)| {
+        format!("{what} (colours are then correlated by {after:.2} instead of {before:.2})")
+    }))
 }
 
 /// The better of two, the first of equal ones.

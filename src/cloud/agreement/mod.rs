@@ -18,7 +18,7 @@ use serde::Serialize;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::scene::{PointCloud, Scene, thin};
-use cause::{STILL, likely_cause, view_cause};
+use cause::{STILL, better_still, likely_cause, view_cause};
 use probe::{Photo, Probe, Sight};
 
 pub use probe::Colors;
@@ -90,7 +90,9 @@ impl Agreement {
     /// No training view sees anything of the cloud.
     pub fn of(scene: &Scene) -> Result<Agreement> {
         let cameras: Vec<&Camera> = scene.train.iter().map(|view| &view.camera).collect();
-        let probe = Probe::new(&thin(&scene.cloud, MAX_POINTS, 0), middle(&cameras))?;
+        // Masks drop what lies elsewhere than their subject does, as a cloud that does not belong does.
+        let cloud = scene.whole_cloud.as_ref().unwrap_or(&scene.cloud);
+        let probe = Probe::new(&thin(cloud, MAX_POINTS, 0), middle(&cameras))?;
         let photos: Vec<Photo> = scene.train.par_iter().map(Photo::new).collect();
         let sights: Vec<Sight> = photos.par_iter().map(|p| probe.look(p, STILL)).collect();
         let n = probe.len().max(1) as f64;
@@ -116,13 +118,12 @@ impl Agreement {
             ));
         }
         if n_bad > n_fit {
-            let cause = likely_cause(&scene.cloud, &photos, middle(&cameras))?;
+            let cause = likely_cause(cloud, &photos, middle(&cameras))?;
             let of = views.len();
             if views.iter().all(|v| v.verdict == Verdict::SeesNothing) {
                 return Err(Error::new(format!(
                     "cloud and cameras do not belong together: none of the {of} training views has any of \
-                     the cloud's {} points in its image",
-                    scene.cloud.len()
+                     the cloud's points in its image"
                 ))
                 .at(format!("scene `{}`", scene.name))
                 .way_out(cause.unwrap_or_else(|| UNKNOWN.to_owned())));
@@ -153,6 +154,12 @@ impl Agreement {
                         || "; check its pose and its photograph, or leave it out".to_owned(),
                         |cause| format!("; {cause}")
                     )
+                )
+            }));
+            let better = better_still(cloud, &photos, middle(&cameras))?;
+            warnings.extend(better.map(|what| {
+                format!(
+                    "cloud and photographs agree, but something is wrong with one of them: {what}"
                 )
             }));
         }

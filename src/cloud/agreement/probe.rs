@@ -38,13 +38,14 @@ pub(super) struct Photo {
 }
 
 impl Photo {
-    /// Reduces `view` to at most [`MAX_CELLS`] on its longer side.
+    /// Reduces `view` to at most [`MAX_CELLS`] on its longer side. What a mask leaves out, by a background
+    /// colour or for training, is no photograph of the cloud.
     pub(crate) fn new(view: &View) -> Photo {
         let camera = view.camera.at_most(MAX_CELLS);
         let (width, height) = (view.image.width as usize, view.image.height as usize);
         let pixel = |i: usize| {
             let rgb = &view.image.rgb[3 * i..][..3];
-            view.counts(i).then(|| [0, 1, 2].map(|c| f64::from(rgb[c])))
+            view.shows(i).then(|| [0, 1, 2].map(|c| f64::from(rgb[c])))
         };
         Photo {
             cells: averaged((width, height), (camera.width, camera.height), pixel),
@@ -119,6 +120,7 @@ fn averaged(
 }
 
 /// A cloud to look for in views.
+#[derive(Clone)]
 pub(super) struct Probe {
     points: Points,
     positions: Vec<DVec3>,
@@ -157,6 +159,14 @@ impl Probe {
             colors: cloud.colors.clone(),
             frame,
         })
+    }
+
+    /// Returns the same points in other colours.
+    pub(crate) fn recolored(&self, color: impl Fn([u8; 3]) -> [u8; 3]) -> Probe {
+        Probe {
+            colors: self.colors.iter().map(|c| color(*c)).collect(),
+            ..self.clone()
+        }
     }
 
     pub(crate) fn len(&self) -> usize {

@@ -15,6 +15,7 @@ const BLOCK: usize = 256;
 ///
 /// f64 throughout: a point falls into the pixel that exact arithmetic gives it, and the
 /// scattered writes cost more than the arithmetic.
+#[derive(Clone)]
 pub(crate) struct Points {
     x: Vec<f64>,
     y: Vec<f64>,
@@ -23,8 +24,8 @@ pub(crate) struct Points {
     radii: Vec<f64>,
 }
 
-/// Bytes that each point takes in [`Points`], without its disc.
-pub(crate) const BYTES_A_POINT: usize = 3 * size_of::<f64>();
+/// Bytes that each point takes in [`Points`], with its disc.
+pub(crate) const BYTES_A_POINT: usize = 4 * size_of::<f64>();
 
 impl Points {
     /// # Errors
@@ -38,17 +39,28 @@ impl Points {
             ))
             .way_out("thin the cloud"));
         }
-        let canonical: Vec<DVec3> = cloud
-            .positions
-            .iter()
-            .map(|p| frame.to_canonical(*p))
-            .collect();
-        Ok(Points {
-            x: canonical.iter().map(|p| p.x).collect(),
-            y: canonical.iter().map(|p| p.y).collect(),
-            z: canonical.iter().map(|p| p.z).collect(),
+        let mut points = Points {
+            x: Vec::with_capacity(cloud.len()),
+            y: Vec::with_capacity(cloud.len()),
+            z: Vec::with_capacity(cloud.len()),
             radii: Vec::new(),
-        })
+        };
+        for p in &cloud.positions {
+            let p = frame.to_canonical(*p);
+            points.x.push(p.x);
+            points.y.push(p.y);
+            points.z.push(p.z);
+        }
+        Ok(points)
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.x.len()
+    }
+
+    /// A place, canonical; not a number for one that is [hidden](Points::hide).
+    pub(crate) fn position(&self, point: usize) -> DVec3 {
+        DVec3::new(self.x[point], self.y[point], self.z[point])
     }
 
     /// Gives every point's disc the radius of its source pixel: the pixel of the nearest of the

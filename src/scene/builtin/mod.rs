@@ -116,6 +116,7 @@ pub fn scene(options: &BuiltinOptions) -> Scene {
         train,
         test,
         cloud,
+        whole_cloud: None,
         pose_protocol: PoseProtocol::SharedFrame,
         warnings,
     }

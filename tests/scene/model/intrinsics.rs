@@ -76,9 +76,6 @@ fn impossible_intrinsics_are_refused() {
 fn impossible_poses_are_refused() {
     let place = ("images.txt: line 2", "images.bin: byte 8");
     let mut model = good();
-    model.images[0].0 = [0.0; 4];
-    model.fails_with(place.0, place.1, &["`c.png`", "no rotation"]);
-    let mut model = good();
     model.images[0].2 = 5;
     model.fails_with(place.0, place.1, &["`c.png`", "no camera 5"]);
 }

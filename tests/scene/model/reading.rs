@@ -35,16 +35,17 @@ fn rotations_are_world_to_camera() {
 #[test]
 fn images_without_a_finite_pose_or_camera_are_left_out_and_counted() {
     type Change = fn(&mut Model);
-    let changes: [(Change, &str, usize); 4] = [
+    let changes: [(Change, &str, usize); 5] = [
         (
             |model| model.images[0].0[1] = f64::NAN,
-            "1 images have a pose or a camera",
+            "1 images have a pose that is not finite",
             4,
         ),
+        (|model| model.images[0].0 = [0.0; 4], "no rotation", 4),
         (|model| model.images[0].1[2] = f64::INFINITY, "`c.png`", 4),
         (
             |model| model.cameras[0].3[1] = f64::NAN,
-            "3 images have a pose or a camera",
+            "3 images have a pose that",
             2,
         ),
         (
@@ -154,6 +155,9 @@ fn photographs_are_found_where_programs_leave_them() {
         ("dense/0/sparse/", "dense/0/images/"),
         ("dense/sparse/", "dense/images/"),
         ("colmap/sparse/0/", "images/"),
+        ("sparse/0/", "Images/"),
+        ("sparse/3/", "IMAGES/"),
+        ("colmap/sparse/1/", "images/"),
         ("", ""),
         ("", "images/"),
     ] {

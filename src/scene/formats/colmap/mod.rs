@@ -168,7 +168,8 @@ impl Model {
         }
         if let Some((first, _)) = self.not_finite.first() {
             warnings.push(format!(
-                "{} images have a pose or a camera that is not finite and are not used: `{}`{}",
+                "{} images have a pose that is not finite or no rotation, or a camera that is not finite, and are not \
+                 used: `{}`{}",
                 self.not_finite.len(),
                 first.escape_debug(),
                 if self.not_finite.len() > 1 {
@@ -229,16 +230,14 @@ impl Model {
         let [w, x, y, z] = rotation_wxyz;
         let rotation = DQuat::from_xyzw(x, y, z, w);
         let translation = DVec3::from(translation);
-        if !rotation.is_finite() || !translation.is_finite() {
-            let error = what("its pose is not finite".to_owned());
+        let norm = rotation.length();
+        // An image that could not be posed has a pose of not a number, or of nothing.
+        if !(norm > 1e-12 && norm.is_finite() && translation.is_finite()) {
+            let error = what(format!(
+                "its pose {w} {x} {y} {z}, {translation} is not finite or no rotation"
+            ));
             self.not_finite.push((name.to_owned(), error));
             return Ok(());
-        }
-        let norm = rotation.length();
-        if !(norm > 1e-12 && norm.is_finite()) {
-            return Err(what(format!(
-                "quaternion {w} {x} {y} {z} is no rotation (its length is {norm})"
-            )));
         }
         self.n_unnormalized += usize::from((norm - 1.0).abs() > 1e-3);
         let rotation = DMat3::from_quat(rotation.normalize());

@@ -35,23 +35,32 @@ pub(super) struct Found {
 /// The folder of the scene `dir` that holds a model. Among the numbered parts of one reconstruction it
 /// is that of the most images.
 pub(super) fn find_model(dir: &Path) -> Option<Found> {
-    let folder = FOLDERS.iter().find(|f| has_model(&dir.join(f)))?;
+    let parts_of = |folder: &str| -> Vec<String> {
+        let Some(parent) = folder.strip_suffix("/0") else {
+            return Vec::new();
+        };
+        let names = (0..MAX_PARTS).map(|i| format!("{parent}/{i}"));
+        names.filter(|name| has_model(&dir.join(name))).collect()
+    };
+    // The first part may have been removed.
+    let is_there = |f: &&&str| has_model(&dir.join(f)) || !parts_of(f).is_empty();
+    let folder = FOLDERS.iter().find(is_there)?;
     let plain = |name: &str| Found {
         probe: Probe::new(dir, name),
         warning: None,
     };
-    let Some(parent) = folder.strip_suffix("/0") else {
-        return Some(plain(folder));
-    };
-    let names = (0..MAX_PARTS).map(|i| format!("{parent}/{i}"));
-    let parts = names.filter(|name| has_model(&dir.join(name)));
+    let parts = parts_of(folder);
+    if let [only] = &parts[..] {
+        return Some(plain(only));
+    }
     let counted: Vec<(usize, String)> = parts
+        .into_iter()
         .map(|name| {
             let model = read_model(&dir.join(&name));
             (model.map_or(0, |model| model.views.len()), name)
         })
         .collect();
-    if counted.len() < 2 {
+    if counted.is_empty() {
         return Some(plain(folder));
     }
     // The first of those with the most.
@@ -76,8 +85,8 @@ pub(super) fn image_dir(dir: &Path, model: &Path, warnings: &mut Vec<String>) ->
     // COLMAP's dense workspace has both in one folder.
     let beside = model.parent().filter(|_| !is_flat).unwrap_or(dir);
     for name in IMAGES {
-        for folder in [beside.join(name), dir.join(name)] {
-            if folder.is_dir() {
+        for parent in [beside, dir] {
+            if let Some(folder) = folder_named(parent, name) {
                 if name != "images" {
                     warnings.push(format!(
                         "there is no `images`: the photographs are those in `{name}`"
@@ -89,6 +98,22 @@ pub(super) fn image_dir(dir: &Path, model: &Path, warnings: &mut Vec<String>) ->
     }
     let first = dir.join("images");
     if is_flat { dir.to_owned() } else { first }
+}
+
+/// The folder `name` in `parent`, or else the only one of another case.
+fn folder_named(parent: &Path, name: &str) -> Option<PathBuf> {
+    let exact = parent.join(name);
+    if exact.is_dir() {
+        return Some(exact);
+    }
+    let entries = std::fs::read_dir(parent).ok()?.flatten();
+    let is_alike = |entry: &std::fs::DirEntry| {
+        let other = entry.file_name();
+        let other = other.to_str().unwrap_or_default();
+        other.eq_ignore_ascii_case(name) && entry.path().is_dir()
+    };
+    let alike: Vec<PathBuf> = entries.filter(is_alike).map(|e| e.path()).collect();
+    <[PathBuf; 1]>::try_from(alike).ok().map(|[folder]| folder)
 }
 
 /// The folders' names for messages.
