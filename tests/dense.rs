@@ -2,7 +2,9 @@
 
 use glam::{DMat3, DVec3};
 use gspotential::camera::Camera;
-use gspotential::dense::{CloudOptions, DepthMap, cloud, scale_of_cameras, scale_to_points};
+use gspotential::dense::{
+    CloudOptions, DepthMap, adjust, cloud, scale_of_cameras, scale_to_points,
+};
 
 const SIZE: u32 = 48;
 
@@ -156,4 +158,106 @@ fn cameras_on_a_line_give_the_scale_too() {
         assert!((scale - 3.0).abs() < 1e-9, "{n}: {scale}");
     }
     assert_eq!(scale_of_cameras(&known[..1], &found[..1]), 1.0);
+}
+
+/// A wavy, coloured surface, found along each ray by halving.
+fn wavy(camera: Camera) -> DepthMap {
+    let height = |x: f64, y: f64| 4.0 + 0.25 * x + 0.3 * (2.0 * x).sin() * (1.5 * y).cos();
+    let (turn, eye) = (camera.rotation.transpose(), camera.center());
+    let depth = |x: u32, y: u32| {
+        let place = |n: u32, c: f64, f: f64| (f64::from(n) + 0.5 - c) / f;
+        let ray = turn
+            * DVec3::new(
+                place(x, camera.cx, camera.fx),
+                place(y, camera.cy, camera.fy),
+                1.0,
+            );
+        let (mut near, mut far) = (1.0, 9.0);
+        for _ in 0..60 {
+            let middle = 0.5 * (near + far);
+            let p = eye + ray * middle;
+            if p.z < height(p.x, p.y) {
+                near = middle
+            } else {
+                far = middle
+            }
+        }
+        near
+    };
+    let pixels = (0..SIZE).flat_map(|y| (0..SIZE).map(move |x| (x, y)));
+    let depth: Vec<f32> = pixels.map(|(x, y)| depth(x, y) as f32).collect();
+    let n = depth.len();
+    let mut map = DepthMap {
+        confidence: vec![1.0; n],
+        colors: vec![[0; 3]; n],
+        depth,
+        camera,
+    };
+    for i in 0..n {
+        let (x, y) = (i % SIZE as usize, i / SIZE as usize);
+        let p = map.point(x, y, f64::from(map.depth[i]));
+        let level = 128.0 + 60.0 * (3.0 * p.x).sin() + 60.0 * (2.5 * p.y + p.x).cos();
+        map.colors[i] = [level as u8; 3];
+    }
+    map
+}
+
+/// Median distance between where a view's pixels are in the other views, and where they should be.
+fn off_px(maps: &[DepthMap], right: &[DepthMap]) -> f64 {
+    let mut off = Vec::new();
+    for (ours, truth) in maps.iter().zip(right) {
+        for (other, other_truth) in maps.iter().zip(right) {
+            for i in 0..ours.depth.len() {
+                let (x, y) = (i % SIZE as usize, i / SIZE as usize);
+                let (a, b) = (f64::from(ours.depth[i]), f64::from(truth.depth[i]));
+                let place = other.camera.project(ours.point(x, y, a)).0;
+                let truth = other_truth.camera.project(truth.point(x, y, b)).0;
+                if other.camera.name != ours.camera.name && other_truth.pixel(truth).is_some() {
+                    off.push(place.distance(truth));
+                }
+            }
+        }
+    }
+    off.sort_by(f64::total_cmp);
+    off[off.len() / 2]
+}
+
+#[test]
+fn cameras_and_scales_that_are_off_are_found_again() {
+    let right: Vec<DepthMap> = [-1.0, 0.0, 1.0].map(|x| wavy(camera(x))).to_vec();
+    let one = 1_f64.to_radians();
+    let motions = [
+        [0.0, one, 0.0, 0.0, 0.04, 0.0],
+        [one, 0.0, 0.0, 0.04, 0.0, 0.0],
+        [0.0, -one, 0.0, -0.04, 0.0, 0.0],
+    ];
+    let mut off = right.clone();
+    for ((map, motion), scale) in off.iter_mut().zip(motions).zip([1.03, 0.97, 1.03]) {
+        map.camera = map.camera.moved(motion);
+        map.depth.iter_mut().for_each(|depth| *depth *= scale);
+    }
+    let adjusted = adjust(&off);
+    let (before, after) = (off_px(&off, &right), off_px(&adjusted.maps, &right));
+    eprintln!(
+        "{before:.3} px before, {after:.3} after; {:?}",
+        adjusted.residual
+    );
+    assert!(adjusted.kept && before > 0.8, "{before}");
+    assert!(after < 0.25 * before, "{before} {after}");
+    // Views that are right stay where they are.
+    let still = adjust(&right);
+    assert!(
+        !still.kept && still.residual[1] > 0.95 * still.residual[0],
+        "{:?}",
+        still.residual
+    );
+    assert_eq!(off_px(&still.maps, &right), 0.0);
+}
+
+#[test]
+fn one_view_has_nothing_to_be_adjusted_by() {
+    let maps = maps();
+    let adjusted = adjust(&maps[..1]);
+    assert!(!adjusted.kept);
+    assert!(adjusted.maps[0].depth == maps[0].depth);
 }

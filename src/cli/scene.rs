@@ -55,6 +55,15 @@ pub(crate) struct SceneArgs {
     #[arg(long, value_name = "N", default_value_t = 1_000_000)]
     max_points: usize,
 
+    /// Leave cameras and depths as the network has them, without refining them on the photographs
+    #[arg(long, conflicts_with = "cameras")]
+    no_adjust: bool,
+
+    /// Take cameras from the network's rays instead of its camera decoder: slower, and by its
+    /// authors more accurate
+    #[arg(long, conflicts_with = "cameras")]
+    ray_cameras: bool,
+
     /// Take focal lengths from the photographs' EXIF where it has them
     #[arg(long)]
     exif_focal: bool,
@@ -79,6 +88,8 @@ impl SceneArgs {
             weights: self.weights,
             size: self.size,
             share: self.confidence,
+            adjust: !self.no_adjust,
+            ray_cameras: self.ray_cameras,
             exif_focal: self.exif_focal,
             max_points: self.max_points,
         };
@@ -88,6 +99,7 @@ impl SceneArgs {
         super::check_output(&self.out, self.overwrite)?;
         let load = LoadOptions {
             n_test: 0,
+            needs_cloud: false,
             ..LoadOptions::new(&Config::preset(PRESETS[0].0)?)
         };
         pipeline::cloud_of_scene(&source.resolved()?, &load, &options, &self.out)

@@ -7,7 +7,7 @@ use crate::camera::{Camera, check_lens};
 use crate::dense::{self, CloudOptions, DepthMap};
 use crate::error::{Error, Result};
 use crate::files::{create_dir, read_file, write_file};
-use crate::prior::{self, DOWNLOAD, Images, Model, Network, Prediction, prepare};
+use crate::prior::{self, DOWNLOAD, Images, Model, Network, Outputs, Prediction, prepare};
 use crate::scene::{
     Image, LoadOptions, PhotographFile, PointCloud, SceneSource, find_photographs, read_photograph,
     thin, write_cloud, write_model,
@@ -28,6 +28,10 @@ pub struct PriorOptions {
     pub size: u32,
     /// Share of each view's pixels that become points, the surest.
     pub share: f64,
+    /// Whether cameras and depth scales are refined on the photographs where that helps.
+    pub adjust: bool,
+    /// Whether cameras are those of the network's rays, not those of its camera decoder.
+    pub ray_cameras: bool,
     /// Whether focal lengths in the photographs' EXIF replace those found.
     pub exif_focal: bool,
     /// Most points of the cloud.
@@ -40,6 +44,8 @@ impl Default for PriorOptions {
             weights: None,
             size: 504,
             share: 0.6,
+            adjust: true,
+            ray_cameras: false,
             exif_focal: false,
             max_points: 1_000_000,
         }
@@ -73,12 +79,19 @@ pub fn scene_of_photographs(paths: &[PathBuf], options: &PriorOptions, out: &Pat
     if files.len() == 1 {
         log::warn!("a single photograph gives a relief: nothing tells what lies behind it");
     }
-    let prediction = predict(weights, &model, &images, None)?;
+    let outputs = match options.ray_cameras {
+        true => Outputs::DepthAndRays,
+        false => Outputs::Depth,
+    };
+    let prediction = predict((weights, &model, outputs), &images, None)?;
     let (width, height) = (images.width as u32, images.height as u32);
     let mut maps = Vec::new();
     let mut n_focal = 0;
     for (i, view) in prediction.views.iter().enumerate() {
-        let mut camera = prior::decode(&view.pose, &files[i].name, width, height)?;
+        let mut camera = match &view.rays {
+            Some(rays) => prior::camera_of_rays(rays, &files[i].name, width, height)?,
+            None => prior::decode(&view.pose, &files[i].name, width, height)?,
+        };
         if let (true, Some(mm)) = (options.exif_focal, facts[i].1) {
             let whole = images.camera_of_photograph(i, &camera);
             let focal = mm * f64::from(whole.width).hypot(f64::from(whole.height)) / FILM_DIAGONAL;
@@ -101,6 +114,9 @@ pub fn scene_of_photographs(paths: &[PathBuf], options: &PriorOptions, out: &Pat
             "focal lengths from the EXIF of {n_focal} of {} photographs",
             files.len()
         );
+    }
+    if options.adjust {
+        maps = adjusted(maps);
     }
     let (cloud, views) = cloud_of(&maps, options)?;
     let cameras = maps.iter().enumerate();
@@ -148,7 +164,7 @@ pub fn cloud_of_scene(
         .enumerate()
         .map(|(i, view)| images.camera_of_image(i, &view.camera))
         .collect();
-    let prediction = predict(weights, &model, &images, Some(&known))?;
+    let prediction = predict((weights, &model, Outputs::Depth), &images, Some(&known))?;
     let found: Vec<Camera> = prediction
         .views
         .iter()
@@ -193,8 +209,7 @@ fn weights(options: &PriorOptions) -> Result<(&Path, Model)> {
 }
 
 fn predict(
-    weights: &Path,
-    model: &Model,
+    (weights, model, outputs): (&Path, &Model, Outputs),
     images: &Images,
     known: Option<&[Camera]>,
 ) -> Result<Prediction> {
@@ -217,11 +232,11 @@ fn predict(
              ({MANY_VIEWS}): cameras may be worse, and time grows with the square of their number"
         );
     }
-    let network = Network::read(weights)?;
+    let network = Network::read(weights, outputs)?;
     let n_steps = (model.n_blocks + n_views) as u32;
     let mut progress = Progress::stage("depth and cameras", n_steps);
     let mut done = 0;
-    let prediction = network.predict(images, known, false, &mut |stage, _| {
+    let prediction = network.predict(images, known, &mut |stage, _| {
         if stage.starts_with("block_") || stage == "depth" {
             done += 1;
             progress.advance(done);
@@ -239,6 +254,34 @@ fn map(images: &Images, prediction: &Prediction, view: usize, camera: Camera) ->
         confidence: found.confidence.clone(),
         colors: images.colors(view),
     }
+}
+
+/// Views that agree better, where they can be made to.
+fn adjusted(maps: Vec<DepthMap>) -> Vec<DepthMap> {
+    if maps.len() < 2 {
+        return maps;
+    }
+    let adjusted = dense::adjust(&maps);
+    let [before, after] = adjusted.residual;
+    if !adjusted.kept {
+        log::info!(
+            "cameras stay as the network has them: views disagree by {before:.3} of 1 at most, and by \
+             {after:.3} refined"
+        );
+        return maps;
+    }
+    let differences = maps
+        .iter()
+        .zip(&adjusted.maps)
+        .map(|(a, b)| a.camera.difference(&b.camera));
+    let most = differences
+        .map(|(angle, _)| angle.to_degrees())
+        .fold(0.0, f64::max);
+    log::info!(
+        "cameras refined, by {most:.2} degrees at most: views disagree by {after:.3}, before by \
+         {before:.3}, of 1 at most"
+    );
+    adjusted.maps
 }
 
 /// The cloud, thinned, with the view of each point.

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::eval::EvalOptions;
 use crate::gpu::Gpu;
 use crate::run::{Evaluation, RunDir, Stop};
-use crate::scene::Scene;
+use crate::scene::{Scene, SceneSource, View};
 
 impl TrainJob {
     /// Loads, trains and evaluates into the run directory `out`; a run that is there is replaced
@@ -29,7 +29,7 @@ impl TrainJob {
         // and the same command works once it has one.
         let gpu = open_gpu()?;
         so_far.seconds.open = Some(so_far.clock.lap());
-        let scene = announced(self.load()?)?;
+        let scene = announced(self.load()?, self)?;
         so_far.seconds.load = Some(so_far.clock.lap());
         options.check(&scene.test)?;
         let run = RunDir::create(out, &self.config, overwrite)?;
@@ -62,7 +62,7 @@ impl TrainJob {
             profile: how.profile,
             ..Self::recorded(&record.scene, run.config()?)?
         };
-        let scene = announced(job.load_again()?)?;
+        let scene = announced(job.load_again()?, &job)?;
         so_far.seconds.load = Some(so_far.clock.lap());
         let stop = Stop::on_signals()?;
         let evaluation = train(&gpu, &scene, &job, so_far, options, &run, &stop)?;
@@ -95,12 +95,31 @@ fn open_gpu() -> Result<Gpu> {
     Ok(gpu)
 }
 
+/// Training pixels for each point beyond which a cloud fills no view, as one of structure from motion.
+const SPARSE_PX: usize = 100;
+
+fn is_sparse(scene: &Scene) -> bool {
+    let pixels = |view: &View| view.image.width as usize * view.image.height as usize;
+    scene.train.iter().map(pixels).sum::<usize>() > SPARSE_PX * scene.cloud.len()
+}
+
 /// Says what was taken of a scene and what is wrong with it.
 ///
 /// # Errors
 /// A cloud that no training view sees.
-fn announced(scene: Scene) -> Result<Scene> {
+fn announced(scene: Scene, job: &TrainJob) -> Result<Scene> {
     log::info!("scene: {}", scene.source);
+    if let SceneSource::Folder(dir) = &job.source
+        && job.cloud.is_none()
+        && is_sparse(&scene)
+    {
+        log::info!(
+            "the cloud is sparse, {} points; `gspotential scene --cameras {} --weights \
+             model.safetensors --out dense.ply` makes a dense one, which --cloud dense.ply takes",
+            scene.cloud.len(),
+            dir.display()
+        );
+    }
     for warning in &scene.warnings {
         log::warn!("{warning}");
     }

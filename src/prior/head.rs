@@ -27,7 +27,8 @@ pub(super) struct Head {
     conv1: Conv3,
     conv2: Conv3,
     out: Linear,
-    rays: RayBranch,
+    /// Where it is used.
+    rays: Option<RayBranch>,
 }
 
 struct RayBranch {
@@ -48,7 +49,8 @@ pub(super) struct Dense {
 }
 
 impl Head {
-    pub(crate) fn read(weights: &mut Weights, model: &Model) -> Result<Head> {
+    /// The ray branch, half of the head, is read where it will be used, `with_rays`.
+    pub(crate) fn read(weights: &mut Weights, model: &Model, with_rays: bool) -> Result<Head> {
         let (c, f) = (2 * model.channels, model.features);
         let outs = model.out_channels;
         let name = |of: &str| format!("head.{of}");
@@ -64,25 +66,6 @@ impl Head {
             let name = scratch(&format!("layer{}_rn", k + 1));
             Conv3::read_without_bias(weights, &name, outs[k], f)
         };
-        let ray_conv = |weights: &mut Weights, k: usize| {
-            let (n_in, n_out) = if k.is_multiple_of(2) {
-                (f, f / 2)
-            } else {
-                (f / 2, f)
-            };
-            Conv3::read(
-                weights,
-                &scratch(&format!("output_conv1_aux.3.{k}")),
-                n_in,
-                n_out,
-            )
-        };
-        // One norm is shared by four levels, and the file has it under the name that sorts first.
-        let shared = scratch("output_conv2_aux.3.2");
-        let ray_norm = match weights.shape(&format!("{shared}.weight")) {
-            Some(_) => shared,
-            None => scratch("output_conv2_aux.0.2"),
-        };
         Ok(Head {
             norm: LayerNorm::read(weights, &name("norm"), c, EPSILON)?,
             projects: (0..4).map(|k| project(weights, k)).collect::<Result<_>>()?,
@@ -97,18 +80,10 @@ impl Head {
             conv1: Conv3::read(weights, &scratch("output_conv1"), f, f / 2)?,
             conv2: Conv3::read(weights, &scratch("output_conv2.0"), f / 2, LAST)?,
             out: Linear::read_shaped(weights, &scratch("output_conv2.2"), &[2, LAST, 1, 1])?,
-            rays: RayBranch {
-                pyramid: Pyramid::read(weights, "_aux", f)?,
-                convs: (0..5)
-                    .map(|k| ray_conv(weights, k))
-                    .collect::<Result<_>>()?,
-                conv2: Conv3::read(weights, &scratch("output_conv2_aux.3.0"), f / 2, LAST)?,
-                norm: LayerNorm::read(weights, &ray_norm, LAST, EPSILON)?,
-                out: Linear::read_shaped(
-                    weights,
-                    &scratch("output_conv2_aux.3.5"),
-                    &[7, LAST, 1, 1],
-                )?,
+            rays: if with_rays {
+                Some(RayBranch::read(weights, f)?)
+            } else {
+                None
             },
         })
     }
@@ -118,7 +93,6 @@ impl Head {
         &self,
         maps: [&[f32]; 4],
         (rows, columns): (usize, usize),
-        with_rays: bool,
         watch: Watch<'_>,
     ) -> Dense {
         let (height, width) = (rows * PATCH_PX, columns * PATCH_PX);
@@ -164,7 +138,8 @@ impl Head {
             .unzip();
         watch("depth", &depth);
         watch("depth_conf", &confidence);
-        let rays = with_rays.then(|| self.rays.apply(&levels, aspect, watch));
+        let rays = self.rays.as_ref();
+        let rays = rays.map(|rays| rays.apply(&levels, aspect, watch));
         Dense {
             depth,
             confidence,
@@ -174,6 +149,33 @@ impl Head {
 }
 
 impl RayBranch {
+    fn read(weights: &mut Weights, f: usize) -> Result<RayBranch> {
+        let scratch = |of: &str| format!("head.scratch.{of}");
+        let conv = |weights: &mut Weights, k: usize| {
+            let (n_in, n_out) = if k.is_multiple_of(2) {
+                (f, f / 2)
+            } else {
+                (f / 2, f)
+            };
+            let name = scratch(&format!("output_conv1_aux.3.{k}"));
+            Conv3::read(weights, &name, n_in, n_out)
+        };
+        // One norm is shared by four levels, and the file has it under the name that sorts first.
+        let shared = scratch("output_conv2_aux.3.2");
+        let norm = match weights.shape(&format!("{shared}.weight")) {
+            Some(_) => shared,
+            None => scratch("output_conv2_aux.0.2"),
+        };
+        let out = scratch("output_conv2_aux.3.5");
+        Ok(RayBranch {
+            pyramid: Pyramid::read(weights, "_aux", f)?,
+            convs: (0..5).map(|k| conv(weights, k)).collect::<Result<_>>()?,
+            conv2: Conv3::read(weights, &scratch("output_conv2_aux.3.0"), f / 2, LAST)?,
+            norm: LayerNorm::read(weights, &norm, LAST, EPSILON)?,
+            out: Linear::read_shaped(weights, &out, &[7, LAST, 1, 1])?,
+        })
+    }
+
     fn apply(&self, levels: &[Map], aspect: f64, watch: Watch<'_>) -> Rays {
         let mut map = self.pyramid.fuse(levels, "head_aux_fused", watch);
         for conv in &self.convs {

@@ -18,6 +18,7 @@ mod math;
 mod memory;
 mod model;
 mod pose;
+mod rays;
 mod reference_view;
 mod rope;
 mod weights;
@@ -28,6 +29,7 @@ pub use images::{Images, Prepared, prepare};
 pub use memory::{Memory, memory};
 pub use model::Model;
 pub use pose::{PoseEncoding, decode, encode, normalized};
+pub use rays::camera_of_rays;
 
 use crate::camera::Camera;
 use crate::error::Result;
@@ -88,6 +90,15 @@ pub struct Rays {
     pub confidence: Vec<f32>,
 }
 
+/// Which outputs of the network are made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outputs {
+    /// Depth, confidence and poses.
+    Depth,
+    /// A ray for each pixel of a coarser grid, too: half as much again of the head's work.
+    DepthAndRays,
+}
+
 /// Tells which model a file of weights holds, all of whose tensors the network needs have the
 /// right shapes, without reading them.
 ///
@@ -96,28 +107,28 @@ pub struct Rays {
 pub fn check(path: &Path) -> Result<Model> {
     let mut weights = Weights::open(path)?;
     weights.set_dry(true);
-    Ok(Network::build(&mut weights)?.model)
+    Ok(Network::build(&mut weights, Outputs::DepthAndRays)?.model)
 }
 
 impl Network {
-    /// Reads the weights.
+    /// Reads the weights that the outputs need.
     ///
     /// # Errors
     /// As [`check`], and values that are not finite.
-    pub fn read(path: &Path) -> Result<Network> {
+    pub fn read(path: &Path, outputs: Outputs) -> Result<Network> {
         let mut weights = Weights::open(path)?;
         // Everything that is wrong with names and shapes is found before seconds of reading.
         weights.set_dry(true);
-        Self::build(&mut weights)?;
+        Self::build(&mut weights, Outputs::DepthAndRays)?;
         weights.set_dry(false);
-        Self::build(&mut weights)
+        Self::build(&mut weights, outputs)
     }
 
-    fn build(weights: &mut Weights) -> Result<Network> {
+    fn build(weights: &mut Weights, outputs: Outputs) -> Result<Network> {
         let model = Model::of(weights)?;
         Ok(Network {
             backbone: Backbone::read(weights, &model)?,
-            head: Head::read(weights, &model)?,
+            head: Head::read(weights, &model, outputs == Outputs::DepthAndRays)?,
             encoder: CameraEncoder::read(weights, &model)?,
             decoder: CameraDecoder::read(weights, &model)?,
             model,
@@ -135,7 +146,6 @@ impl Network {
         &self,
         images: &Images,
         cameras: Option<&[Camera]>,
-        with_rays: bool,
         watch: Watch<'_>,
     ) -> Prediction {
         let tokens = cameras.map(|cameras| {
@@ -156,7 +166,7 @@ impl Network {
                 depth,
                 confidence,
                 rays,
-            } = self.head.apply(maps, patches, with_rays, watch);
+            } = self.head.apply(maps, patches, watch);
             ViewPrediction {
                 pose,
                 depth,

@@ -148,10 +148,10 @@ fn half(bits: u16) -> f32 {
 }
 
 fn open(path: &Path) -> Result<Weights> {
-    let is_index = |path: &Path| path.to_string_lossy().ends_with(".safetensors.index.json");
-    if is_index(path) {
-        return Err(Error::new("is the index of weights in several files")
-            .way_out(format!("only weights in one file are read: {DOWNLOAD}")));
+    if let Some(what) = in_several_files(path) {
+        return Err(
+            Error::new(what).way_out(format!("only weights in one file are read: {DOWNLOAD}"))
+        );
     }
     let meta = std::fs::metadata(path)
         .map_err(|e| Error::new(format!("cannot read the weights: {e}")).way_out(DOWNLOAD))?;
@@ -197,6 +197,20 @@ fn open(path: &Path) -> Result<Weights> {
         data: 8 + length,
         dry: false,
     })
+}
+
+/// What a name says of weights in several files, as large models' are stored: their index, or
+/// `model-00001-of-00002.safetensors`.
+fn in_several_files(path: &Path) -> Option<&'static str> {
+    let name = path.file_name()?.to_string_lossy();
+    if name.ends_with(".safetensors.index.json") {
+        return Some("is the index of weights in several files");
+    }
+    let (rest, n) = name.strip_suffix(".safetensors")?.rsplit_once("-of-")?;
+    let (_, i) = rest.rsplit_once('-')?;
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+    let is_one = n.parse() == Ok(1);
+    (is_number(i) && is_number(n) && !is_one).then_some("is one of several files of weights")
 }
 
 /// What else a file may be that was given for weights.

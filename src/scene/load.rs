@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use rayon::prelude::*;
 
 use super::builtin::{self, BuiltinOptions};
-use super::cloud::{clean, random_like, read_cloud};
+use super::cloud::{clean, random_like, read_cloud, read_views_of_points};
 use super::cut_out::keep_within_masks;
 use super::decode::{Decoded, decode};
 use super::fitted::Fit;
@@ -51,10 +51,10 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     }
     let layout = formats::read(dir, options)?;
     let cloud_path = match &options.cloud {
-        Some(CloudSource::File(path)) => path.clone(),
-        _ => layout.cloud?,
+        Some(CloudSource::File(path)) => Some(path.clone()),
+        _ => own_cloud(layout.cloud, dir, options)?,
     };
-    let confidence_path = confidence_of(&cloud_path);
+    let confidence_path = cloud_path.as_deref().and_then(confidence_of);
     let mut warnings = layout.warnings;
     let posed = (layout.cameras, layout.unusable);
     let matched = match_images(posed, (dir, &layout.image_dir), &mut warnings)?;
@@ -70,7 +70,10 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         .collect();
     let masks = Masks::of(dir);
     let (cloud, decoded) = rayon::join(
-        || read_points(&cloud_path, confidence_path.as_deref()),
+        || match &cloud_path {
+            Some(path) => read_points(path, confidence_path.as_deref(), &options.cloud),
+            None => Ok(PointCloud::default()),
+        },
         || decode_all(&chosen, &masks, options),
     );
     let by_folder = chosen.iter().filter(|v| v.posed.mask.is_none());
@@ -99,17 +102,17 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     let n_distorted = count(|posed| posed.distortion.is_some());
     let pose_protocol = protocol(count(|posed| posed.interpolated), &mut warnings);
     let n_stored = cloud.len();
-    if options.cloud.is_none() {
-        warnings.extend(stale(&cloud_path, n_stored));
+    if let (None, Some(path)) = (&options.cloud, &cloud_path) {
+        warnings.extend(stale(path, n_stored));
     }
     clean(&mut cloud, &cameras, &mut warnings);
-    if cloud.is_empty() {
-        return Err(no_point(&cloud_path, n_stored));
+    if let (true, true, Some(path)) = (options.needs_cloud, cloud.is_empty(), &cloud_path) {
+        return Err(no_point(path, n_stored).way_out(make_a_cloud(dir)));
     }
     let mut whole_cloud = keep_within_masks(&mut cloud, &train, &mut warnings);
-    if cloud.is_empty() {
+    if let (true, true, Some(path)) = (options.needs_cloud, cloud.is_empty(), &cloud_path) {
         return Err(Error::new("no point of the cloud lies within the masks of all training views")
-            .at_path(&cloud_path)
+            .at_path(path)
             .way_out("masks are white where the subject is, and cloud and poses must share one frame; `--set scene.outside_mask=ignored` keeps all points"));
     }
     let random = options.cloud == Some(CloudSource::Random);
@@ -122,8 +125,16 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     if n_distorted > 0 {
         source += &format!(", {n_distorted} images undistorted");
     }
-    let random = if random { "random as far as " } else { "" };
-    source += &format!(", cloud {random}{}", relative(&cloud_path));
+    let how = match &options.cloud {
+        Some(CloudSource::Random) => "random as far as ",
+        Some(CloudSource::Views(1)) => "of the first view in ",
+        Some(CloudSource::Views(n)) => &format!("of the first {n} views in "),
+        _ => "",
+    };
+    source += &match &cloud_path {
+        Some(path) => format!(", cloud {how}{}", relative(path)),
+        None => ", no cloud".to_owned(),
+    };
     if let Some(path) = &confidence_path {
         source += &format!(", confidence {}", relative(path));
     }
@@ -161,6 +172,24 @@ fn decode_all(
     as_if(AlphaIs::Window)
 }
 
+/// The scene's own cloud; none only where none is needed.
+fn own_cloud(found: Result<PathBuf>, dir: &Path, options: &LoadOptions) -> Result<Option<PathBuf>> {
+    match found {
+        Err(_) if !options.needs_cloud => Ok(None),
+        Err(e) => Err(e.or_way_out(make_a_cloud(dir))),
+        Ok(path) => Ok(Some(path)),
+    }
+}
+
+/// How a scene with cameras and photographs gets a cloud.
+fn make_a_cloud(dir: &Path) -> String {
+    format!(
+        "`gspotential scene --cameras {} --weights model.safetensors --out dense.ply` makes a cloud, \
+         which `train --cloud dense.ply` takes",
+        dir.display()
+    )
+}
+
 /// What the poses are worth, with a warning where some were only interpolated.
 fn protocol(n_interpolated: usize, warnings: &mut Vec<String>) -> PoseProtocol {
     if n_interpolated == 0 {
@@ -173,8 +202,13 @@ fn protocol(n_interpolated: usize, warnings: &mut Vec<String>) -> PoseProtocol {
     PoseProtocol::Interpolated
 }
 
-/// The cloud, with the confidences of a file of their own where there is one.
-fn read_points(path: &Path, confidence: Option<&Path>) -> Result<PointCloud> {
+/// The cloud, with the confidences of a file of their own where there is one, as far as it is asked
+/// for.
+fn read_points(
+    path: &Path,
+    confidence: Option<&Path>,
+    source: &Option<CloudSource>,
+) -> Result<PointCloud> {
     let mut cloud = read_cloud(path)?;
     if let Some(path) = confidence {
         let values = read_vector(&read_regular(path)?).map_err(|e| e.at_path(path))?;
@@ -189,7 +223,22 @@ fn read_points(path: &Path, confidence: Option<&Path>) -> Result<PointCloud> {
         }
         cloud.confidence = Some(values);
     }
+    if let Some(CloudSource::Views(n)) = source {
+        keep_first_views(&mut cloud, path, *n)?;
+    }
     Ok(cloud)
+}
+
+/// Keeps the points that came from the first `n` views.
+fn keep_first_views(cloud: &mut PointCloud, path: &Path, n: usize) -> Result<()> {
+    let views = read_views_of_points(path)?.ok_or_else(|| {
+        Error::usage("the points do not say which view they came from")
+            .at_path(path)
+            .way_out("`gspotential scene` writes clouds that do; or name a cloud file")
+    })?;
+    let kept: Vec<bool> = views.iter().map(|view| (*view as usize) < n).collect();
+    cloud.retain(&kept);
+    Ok(())
 }
 
 /// Makes the built-in scene `width` pixels wide, with the views and the cloud that are asked for.

@@ -35,7 +35,7 @@ use glam::DVec3;
 use crate::camera::Camera;
 use crate::config::{Config, OutsideMask};
 
-pub use cloud::{random_like, read_cloud, thin};
+pub use cloud::{n_cloud_views, random_like, read_cloud, thin};
 pub use formats::other_clouds;
 pub use load::{load, load_builtin};
 pub use photographs::{Photograph, PhotographFile, find_photographs, read_photograph};
@@ -226,6 +226,8 @@ pub struct LoadOptions {
     pub test_views: Option<Vec<String>>,
     /// The cloud to take; None: the scene's own.
     pub cloud: Option<CloudSource>,
+    /// Whether a scene without a usable point is refused; a cloud that is there must be readable.
+    pub needs_cloud: bool,
     /// Without a split file: this many training views, uniformly over the sorted names.
     pub n_train: usize,
     /// Without a split file: at most this many of the remaining views, uniformly.
@@ -247,6 +249,7 @@ impl LoadOptions {
             train_views: None,
             test_views: None,
             cloud: None,
+            needs_cloud: true,
             n_train: config.scene.n_train,
             n_test: config.scene.n_test,
             seed: config.seed,

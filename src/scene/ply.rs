@@ -56,6 +56,30 @@ impl PropertyAccess for Vertex {
     }
 }
 
+/// The property `view` of a row of the `vertex` element.
+struct ViewOfVertex(i64);
+
+impl PropertyAccess for ViewOfVertex {
+    fn new() -> Self {
+        ViewOfVertex(0)
+    }
+
+    fn set_property(&mut self, name: String, property: Property) {
+        if name == "view" {
+            self.0 = match property {
+                Property::Char(v) => v.into(),
+                Property::UChar(v) => v.into(),
+                Property::Short(v) => v.into(),
+                Property::UShort(v) => v.into(),
+                Property::Int(v) => v.into(),
+                Property::UInt(v) => v.into(),
+                // Refused by `read_views`.
+                _ => return,
+            };
+        }
+    }
+}
+
 /// A row of an element that is not ours.
 struct Skipped;
 
@@ -74,6 +98,50 @@ impl PropertyAccess for Skipped {
 /// Not a PLY, a header that does not fit the file's size, missing or mistyped properties, rows
 /// that cannot be read (with their byte, or their line in ASCII files), colours out of range.
 pub(super) fn read_ply(bytes: &[u8]) -> Result<PointCloud> {
+    read_vertex_element(bytes, |rows, element| {
+        check_vertex(element)?;
+        read_vertices(rows, element)
+    })
+}
+
+/// The property `view` of element `vertex`, a whole number from 0: which view a point came from.
+/// None where there is none.
+///
+/// # Errors
+///
+/// As those of [`read_ply`], another type, and numbers below 0.
+pub(super) fn read_views(bytes: &[u8]) -> Result<Option<Vec<u32>>> {
+    read_vertex_element(bytes, |rows, element| {
+        if !element.properties.contains_key("view") {
+            return Ok(None);
+        }
+        let whole = [
+            ScalarType::Char,
+            ScalarType::UChar,
+            ScalarType::Short,
+            ScalarType::UShort,
+            ScalarType::Int,
+            ScalarType::UInt,
+        ];
+        check_property(element, "view", &whole)?;
+        let view = |row: usize| {
+            let ViewOfVertex(view) = rows.next(element)?;
+            u32::try_from(view).map_err(|_| {
+                Error::new(format!("view {view} is below 0")).at(format_args!("vertex {row}"))
+            })
+        };
+        (0..element.count)
+            .map(view)
+            .collect::<Result<_>>()
+            .map(Some)
+    })
+}
+
+/// What `read` makes of the rows of element `vertex`, those before which are skipped.
+fn read_vertex_element<T>(
+    bytes: &[u8],
+    read: impl FnOnce(&mut Rows, &ElementDef) -> Result<T>,
+) -> Result<T> {
     let header = read_header(bytes)?;
     let mut rows = Rows {
         bytes,
@@ -84,8 +152,7 @@ pub(super) fn read_ply(bytes: &[u8]) -> Result<PointCloud> {
     for (name, element) in &header.elements {
         rows.check_room(element)?;
         if name == "vertex" {
-            check_vertex(element)?;
-            return read_vertices(&mut rows, element);
+            return read(&mut rows, element);
         }
         for _ in 0..element.count {
             rows.next::<Skipped>(element)?;
@@ -132,7 +199,20 @@ fn read_vertices(rows: &mut Rows, element: &ElementDef) -> Result<PointCloud> {
 fn check_vertex(element: &ElementDef) -> Result<()> {
     let float = [ScalarType::Float, ScalarType::Double];
     let color = [ScalarType::UChar, ScalarType::Float, ScalarType::Double];
-    let check = |name: &str, allowed: &[ScalarType]| match element.properties.get(name) {
+    for name in ["x", "y", "z"] {
+        check_property(element, name, &float)?;
+    }
+    for name in ["red", "green", "blue"] {
+        check_property(element, name, &color)?;
+    }
+    if element.properties.contains_key("confidence") {
+        check_property(element, "confidence", &float)?;
+    }
+    Ok(())
+}
+
+fn check_property(element: &ElementDef, name: &str, allowed: &[ScalarType]) -> Result<()> {
+    match element.properties.get(name) {
         None => Err(Error::new(format!("the PLY's vertices have no `{name}`"))
             .way_out("positions `x y z` and colours `red green blue` are needed")),
         Some(PropertyDef {
@@ -144,17 +224,7 @@ fn check_vertex(element: &ElementDef) -> Result<()> {
             property.data_type
         ))
         .way_out(format!("write it as one of {allowed:?}"))),
-    };
-    for name in ["x", "y", "z"] {
-        check(name, &float)?;
     }
-    for name in ["red", "green", "blue"] {
-        check(name, &color)?;
-    }
-    if element.properties.contains_key("confidence") {
-        check("confidence", &float)?;
-    }
-    Ok(())
 }
 
 /// Reads the rows of the payload in order.

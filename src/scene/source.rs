@@ -103,8 +103,9 @@ impl fmt::Display for SceneSource {
 pub enum CloudSource {
     /// What [`super::read_cloud`] reads.
     File(PathBuf),
-    /// The built-in scene's cloud made from so many views: its training views and, beyond them,
-    /// views midway between.
+    /// What the first so many views give: of a folder's cloud the points that came from them, if
+    /// they say so; of the built-in scene a cloud made from so many views, its training views and,
+    /// beyond them, views midway between.
     Views(usize),
     /// Random points and colours, as many as the scene's own cloud has
     /// ([`super::random_like`]).
@@ -135,10 +136,6 @@ impl CloudSource {
                     .map(CloudSource::File)
                     .ok_or_else(|| no_such_cloud(&path, scene))
             }
-            (CloudSource::Views(_), SceneSource::Folder(_)) => Err(Error::usage(
-                "only the built-in scene can make a cloud of some of its views",
-            )
-            .way_out("name a cloud file")),
             (other, _) => Ok(other),
         }
     }
@@ -168,7 +165,7 @@ impl FromStr for CloudSource {
         match n.parse() {
             Ok(n) if CLOUD_VIEWS.contains(&n) => Ok(CloudSource::Views(n)),
             _ => Err(Error::usage(format!(
-                "the built-in scene's cloud is made of {} to {} views, not `{n}`",
+                "a cloud is made of {} to {} views, not `{n}`",
                 CLOUD_VIEWS.start(),
                 CLOUD_VIEWS.end()
             ))),

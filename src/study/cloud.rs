@@ -10,11 +10,11 @@ use crate::error::Result;
 use crate::pipeline::{TrainJob, n_start};
 use crate::report::plot::{Axis, Plot, Point, Style};
 use crate::report::stats::Figure;
-use crate::scene::{CloudSource, SceneSource, other_clouds};
+use crate::scene::{CloudSource, SceneSource, n_cloud_views, other_clouds};
 
 const PRESETS: [&str; 2] = ["3dgs", "paper"];
 
-/// Views that the built-in scene's clouds are made from; its own is from 4.
+/// Views that clouds are made from, where points know their view; the built-in scene's own is from 4.
 const VIEWS: [usize; 4] = [1, 2, 4, 8];
 const OWN_VIEWS: usize = 4;
 
@@ -37,6 +37,13 @@ fn clouds(base: &Base) -> Result<Vec<(String, Option<CloudSource>)>> {
             .to_vec()),
         SceneSource::Folder(dir) => {
             let mut clouds = vec![("own".to_owned(), None)];
+            let n_views = n_cloud_views(dir)?;
+            clouds.extend(
+                VIEWS
+                    .into_iter()
+                    .filter(|n| *n < n_views)
+                    .map(|n| (format!("{n}-views"), Some(CloudSource::Views(n)))),
+            );
             for path in other_clouds(dir)? {
                 let stem = path.file_stem().unwrap_or_default().to_string_lossy();
                 clouds.push((stem.into_owned(), Some(CloudSource::File(path))));

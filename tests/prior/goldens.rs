@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::{DMat3, DVec3};
 use gspotential::camera::Camera;
-use gspotential::prior::{Images, Network, Prediction, decode, normalized};
+use gspotential::prior::{Images, Network, Outputs, Prediction, decode, normalized};
 
 use super::{golden, worst};
 use crate::reference::npy;
@@ -29,12 +29,13 @@ fn is_map(stage: &str) -> bool {
 type Stages = BTreeMap<String, Vec<f32>>;
 
 fn network() -> Network {
-    Network::read(&golden("tiny.safetensors")).unwrap_or_else(|e| panic!("{e}"))
+    Network::read(&golden("tiny.safetensors"), Outputs::DepthAndRays)
+        .unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn run(network: &Network, images: &Images, cameras: Option<&[Camera]>) -> (Stages, Prediction) {
     let mut stages = Stages::new();
-    let prediction = network.predict(images, cameras, true, &mut |name, values| {
+    let prediction = network.predict(images, cameras, &mut |name, values| {
         stages.entry(name.to_owned()).or_default().extend(values);
     });
     (stages, prediction)

@@ -2,6 +2,7 @@
 
 mod goldens;
 mod images;
+mod rays;
 mod scene;
 mod weights;
 

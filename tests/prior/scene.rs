@@ -1,6 +1,7 @@
 //! From photographs to a scene that can be trained on, with tiny weights: what they see is noise,
 //! but everything around them is as with real ones.
 
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -10,6 +11,7 @@ use gspotential::scene::{LoadOptions, SceneSource, load, read_cloud, read_photog
 use image::{ImageEncoder, RgbImage};
 
 use super::golden;
+use crate::kit::program::{Ended, succeed};
 
 fn options() -> PriorOptions {
     PriorOptions {
@@ -194,6 +196,138 @@ fn photographs_that_cannot_be_used_are_refused_by_name() {
         &options,
         &out,
         &["empty", "holds no photograph"],
+    );
+}
+
+/// Makes a scene by the command, as with the options of the other tests.
+fn scene_command(paths: &[PathBuf], out: &Path) -> Ended {
+    let weights = golden("tiny.safetensors");
+    let fixed = ["scene", "--size", "84", "--confidence", "1", "--weights"];
+    let mut args: Vec<&OsStr> = fixed.map(OsStr::new).to_vec();
+    args.extend([weights.as_os_str(), OsStr::new("--out"), out.as_os_str()]);
+    args.extend(paths.iter().map(|path| path.as_os_str()));
+    succeed(out.parent().expect("a folder"), args.as_slice())
+}
+
+fn train_names(scene: &Path) -> Vec<String> {
+    let options = LoadOptions::new(&Config::preset(PRESETS[0].0).expect("is there"));
+    let scene = load(scene, &options).unwrap_or_else(|e| panic!("{e}"));
+    scene.train.iter().map(|v| v.camera.name.clone()).collect()
+}
+
+#[test]
+#[ignore = "needs ../shared/prior"]
+fn fifty_photographs_keep_their_order_and_are_told_to_be_many() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let folder = photographs(dir.path(), 50);
+    // In an order that is not that of their names.
+    let paths: Vec<PathBuf> = (0..50)
+        .map(|i| folder.join(format!("{:02}.png", i * 7 % 50)))
+        .collect();
+    let out = dir.path().join("scene");
+    let log = scene_command(&paths, &out).log;
+    let memory = log.find("50 views of 84x56 take about").expect("is said");
+    let many = log.find("50 photographs are more than").expect("is said");
+    assert!(memory < many, "{log}");
+    let images = fs::read_to_string(out.join("sparse/0/images.txt")).expect("is there");
+    let names: Vec<&str> = images
+        .lines()
+        .filter_map(|line| {
+            line.rsplit(' ')
+                .next()
+                .filter(|name| name.ends_with(".png"))
+        })
+        .collect();
+    let right = paths
+        .iter()
+        .map(|p| p.file_name().expect("a name").to_string_lossy());
+    assert!(names.iter().copied().eq(right), "{names:?}");
+    assert_eq!(train_names(&out).len(), 50);
+}
+
+#[test]
+#[ignore = "needs ../shared/prior"]
+fn photographs_of_several_shapes_keep_their_own() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let shapes = [(126, 84), (84, 126), (300, 200), (90, 90)];
+    let paths: Vec<PathBuf> = (0..4)
+        .map(|i| dir.path().join(format!("{i}.png")))
+        .collect();
+    for (i, (path, (width, height))) in paths.iter().zip(shapes).enumerate() {
+        picture(width, height, i as u32).save(path).expect("writes");
+    }
+    let out = dir.path().join("scene");
+    let log = scene_command(&paths, &out).log;
+    assert!(log.contains("several shapes"), "{log}");
+    let options = LoadOptions::new(&Config::preset(PRESETS[0].0).expect("is there"));
+    let scene = load(&out, &options).unwrap_or_else(|e| panic!("{e}"));
+    for (view, shape) in scene.train.iter().zip(shapes) {
+        let camera = &view.camera;
+        assert_eq!((camera.width, camera.height), shape);
+        // What the network sees is the middle of each.
+        let middle = (f64::from(shape.0) / 2.0, f64::from(shape.1) / 2.0);
+        let off = (camera.cx - middle.0)
+            .abs()
+            .max((camera.cy - middle.1).abs());
+        assert!(off < 1.0, "{camera:?}");
+    }
+}
+
+#[test]
+fn photographs_are_turned_upright_whichever_way_they_lie() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let upright = RgbImage::from_fn(120, 80, |x, y| {
+        image::Rgb([(x * 2) as u8, (y * 3) as u8, 90])
+    });
+    for orientation in 1..=8_u16 {
+        use image::imageops::{flip_horizontal, flip_vertical, rotate90, rotate180, rotate270};
+        let stored = match orientation {
+            1 => upright.clone(),
+            2 => flip_horizontal(&upright),
+            3 => rotate180(&upright),
+            4 => flip_vertical(&upright),
+            5 => rotate270(&flip_horizontal(&upright)),
+            6 => rotate270(&upright),
+            7 => rotate90(&flip_horizontal(&upright)),
+            _ => rotate90(&upright),
+        };
+        let path = dir.path().join(format!("{orientation}.jpg"));
+        jpeg(&path, &stored, exif(orientation, 0));
+        let photograph = read_photograph(&path).unwrap_or_else(|e| panic!("{e}"));
+        let image = photograph.image;
+        assert_eq!((image.width, image.height), (120, 80), "{orientation}");
+        let off = image.rgb.iter().zip(upright.as_raw());
+        let off = off.map(|(a, b)| a.abs_diff(*b)).max();
+        // JPEG's own error is far below what another corner would be.
+        assert!(off < Some(40), "{orientation}: {off:?}");
+    }
+}
+
+#[test]
+#[ignore = "needs ../shared/prior"]
+fn a_scene_without_any_points_gets_a_cloud() {
+    let options = options();
+    let dir = tempfile::tempdir().expect("a folder");
+    let scene = dir.path().join("scene");
+    scene_of_photographs(&[photographs(dir.path(), 3)], &options, &scene)
+        .unwrap_or_else(|e| panic!("{e}"));
+    fs::remove_file(scene.join("sparse/0/points3D.ply")).expect("is there");
+    let out = dir.path().join("dense.ply");
+    let weights = golden("tiny.safetensors");
+    let fixed = ["scene", "--size", "84", "--weights"];
+    let mut args: Vec<&OsStr> = fixed.map(OsStr::new).to_vec();
+    args.extend([
+        weights.as_os_str(),
+        OsStr::new("--cameras"),
+        scene.as_os_str(),
+    ]);
+    args.extend([OsStr::new("--out"), out.as_os_str()]);
+    let log = succeed(dir.path(), args.as_slice()).log;
+    assert!(log.contains("by the cameras' distances"), "{log}");
+    assert!(
+        !read_cloud(&out)
+            .unwrap_or_else(|e| panic!("{e}"))
+            .is_empty()
     );
 }
 

@@ -4,7 +4,8 @@ use super::build::{Folder, GOOD_PLY, fails_with, images_txt, options, ply_with_r
 use glam::DVec3;
 use gspotential::error::ErrorKind;
 use gspotential::scene::{
-    CloudSource, LoadOptions, PointCloud, SceneSource, load_builtin, random_like, read_cloud, thin,
+    CloudSource, LoadOptions, PointCloud, SceneSource, load_builtin, n_cloud_views, random_like,
+    read_cloud, thin,
 };
 
 fn points_bin() -> Vec<u8> {
@@ -272,8 +273,6 @@ fn another_cloud_is_found_in_the_scene_beside_the_model_and_by_its_path() {
     let missing: CloudSource = "no.ply".parse().expect("a cloud");
     let missing = missing.resolved(&source);
     fails_with(missing, ErrorKind::Failure, &["no.ply: no such cloud file"]);
-    let made = CloudSource::Views(2).resolved(&source);
-    fails_with(made, ErrorKind::Usage, &["only the built-in scene"]);
     for (text, part) in [
         ("", "no cloud"),
         ("views:0", "1 to 8"),
@@ -281,6 +280,78 @@ fn another_cloud_is_found_in_the_scene_beside_the_model_and_by_its_path() {
     ] {
         fails_with(text.parse::<CloudSource>(), ErrorKind::Usage, &[part]);
     }
+}
+
+#[test]
+fn a_cloud_is_made_of_the_points_of_its_first_views() {
+    let folder = Folder::with_views(&["a.png", "b.png", "c.png", "d.png"]);
+    let path = "sparse/0/points3D.ply";
+    let of_views = |n: usize| LoadOptions {
+        cloud: Some(CloudSource::Views(n)),
+        ..options()
+    };
+    let header = |kind: &str| {
+        format!(
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty \
+             float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nproperty {kind} \
+             view\nend_header\n"
+        )
+    };
+    let rows = "0 0 5 1 2 3 0\n1 0 5 4 5 6 2\n2 0 5 7 8 9 1\n";
+    for kind in ["uchar", "int", "uint"] {
+        folder.write(path, header(kind) + rows);
+        for (n, right) in [(1, &[[1, 2, 3]][..]), (2, &[[1, 2, 3], [7, 8, 9]])] {
+            let scene = folder.load_with(&of_views(n)).expect("a scene");
+            assert_eq!(scene.cloud.colors, right, "{kind} {n}");
+            assert!(scene.source.contains("first"), "{}", scene.source);
+        }
+        assert_eq!(folder.scene().cloud.len(), 3);
+        assert_eq!(n_cloud_views(folder.path()).expect("a cloud"), 3);
+    }
+    let failed = |parts: &[&str]| {
+        let made = folder.load_with(&of_views(2));
+        let kind = made.as_ref().expect_err("is refused").kind();
+        fails_with(made, kind, parts);
+    };
+    folder.write(path, header("float") + rows);
+    failed(&["points3D.ply", "`view` has type"]);
+    folder.write(path, header("int") + &rows.replace(" 2\n", " -2\n"));
+    failed(&["vertex 1", "view -2 is below 0"]);
+    folder.write(path, GOOD_PLY);
+    failed(&["points3D.ply", "do not say which view", "name a cloud file"]);
+    assert_eq!(n_cloud_views(folder.path()).expect("a cloud"), 0);
+}
+
+#[test]
+fn a_scene_without_a_cloud_loads_where_none_is_needed() {
+    let folder = Folder::with_views(&["a.png", "b.png", "c.png", "d.png"]);
+    let needless = LoadOptions {
+        needs_cloud: false,
+        ..options()
+    };
+    folder.remove("sparse/0/points3D.ply");
+    // What `train` says names the command that makes one.
+    folder.fails_with(&[
+        "no point cloud",
+        "gspotential scene --cameras",
+        "--cloud dense.ply",
+    ]);
+    let scene = folder.load_with(&needless).expect("a scene");
+    assert!(scene.cloud.is_empty() && scene.train.len() == 4);
+    assert!(scene.source.contains("no cloud"), "{}", scene.source);
+    warns(&scene, &[]);
+    folder.write("sparse/0/points3D.bin", 0u64.to_le_bytes());
+    folder.fails_with(&["no usable point", "gspotential scene --cameras"]);
+    assert!(
+        folder
+            .load_with(&needless)
+            .expect("a scene")
+            .cloud
+            .is_empty()
+    );
+    // One that is damaged is still told.
+    folder.write("sparse/0/points3D.bin", &points_bin()[..20]);
+    assert!(folder.load_with(&needless).is_err());
 }
 
 #[test]

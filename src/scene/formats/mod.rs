@@ -14,6 +14,7 @@ use super::layout::Layout;
 use crate::error::{Error, Result};
 
 pub use colmap::other_clouds;
+pub(super) use colmap::own_cloud;
 pub(super) use colmap::{FOLDERS, read_points_binary, read_points_text};
 pub(super) use instantsplat::confidence_of;
 

@@ -10,7 +10,7 @@ use gspotential::gaussians::ply::{read_ply, write_ply};
 use gspotential::gaussians::{Gaussians, n_sh};
 use gspotential::metrics::lpips::{InputRange, Lpips};
 use gspotential::run::Checkpoints;
-use gspotential::scene::{PointCloud, Scene, read_cloud};
+use gspotential::scene::{PointCloud, Scene, read_cloud, read_photograph};
 use gspotential::train::State;
 
 use crate::build::{Folder, SIZE, encoded, png};
@@ -46,7 +46,7 @@ impl Target {
 /// A reader's name, the folder that it reads from, the file in it that is damaged, the reader.
 type Entry = (&'static str, fn() -> Folder, &'static str, Read);
 
-const READERS: [Entry; 23] = [
+const READERS: [Entry; 25] = [
     ("colmap-cameras-txt", small, "sparse/0/cameras.txt", scene),
     ("colmap-images-txt", small, "sparse/0/images.txt", scene),
     (
@@ -105,6 +105,8 @@ const READERS: [Entry; 23] = [
     ("cameras-json", cameras_file, "cameras.json", cameras),
     ("checkpoint", checkpoint_file, "state", checkpoint),
     ("safetensors", weights_file, "weights.safetensors", weights),
+    ("prior", prior_file, "model.safetensors", prior),
+    ("exif", exif_file, "exif", exif),
 ];
 
 pub fn names() -> Vec<&'static str> {
@@ -187,6 +189,33 @@ fn checkpoint(path: PathBuf, folder: &Folder) -> Result<(), Error> {
 
 fn weights(path: PathBuf, _: &Folder) -> Result<(), Error> {
     Lpips::read(&path, InputRange::Unit).map(|_| ())
+}
+
+fn prior(path: PathBuf, _: &Folder) -> Result<(), Error> {
+    gspotential::prior::check(&path).map(|_| ())
+}
+
+/// In a photograph that is otherwise in order.
+fn exif(path: PathBuf, folder: &Folder) -> Result<(), Error> {
+    use image::ImageEncoder;
+    let exif = std::fs::read(&path).expect("the file just written");
+    let mut bytes = Vec::new();
+    let mut encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+    encoder.set_exif_metadata(exif).expect("PNGs have them");
+    let picture = crate::build::picture(8, 4);
+    encoder
+        .write_image(&picture, 8, 4, image::ExtendedColorType::Rgb8)
+        .expect("a picture");
+    folder.write("photograph.png", bytes);
+    let photograph = read_photograph(&folder.path().join("photograph.png"))?;
+    let (width, height) = (photograph.image.width, photograph.image.height);
+    assert_eq!((width * height, photograph.image.rgb.len()), (32, 96));
+    assert!(
+        photograph
+            .focal_35mm
+            .is_none_or(|mm| mm > 0.0 && mm.is_finite())
+    );
+    Ok(())
 }
 
 /// Six views on a line and three points.
@@ -355,5 +384,29 @@ fn weights_file() -> Folder {
     bytes.resize(bytes.len() + 260, 0);
     let folder = Folder::empty();
     folder.write("weights.safetensors", bytes);
+    folder
+}
+
+/// The first tensors that tell the model; a whole file would be megabytes.
+fn prior_file() -> Folder {
+    let header = r#"{"model.backbone.pretrained.cls_token":{"dtype":"F32","shape":[1,1,16],"data_offsets":[0,64]},"model.backbone.pretrained.blocks.7.attn.q_norm.weight":{"dtype":"BF16","shape":[8],"data_offsets":[64,80]},"model.head.projects.0.weight":{"dtype":"F16","shape":[4,2,1,1],"data_offsets":[80,96]},"model.backbone.pretrained.blocks.0.norm1.weight":{"dtype":"F32","shape":[16],"data_offsets":[96,160]}}"#;
+    let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
+    bytes.extend(header.bytes());
+    bytes.resize(bytes.len() + 160, 0);
+    let folder = Folder::empty();
+    folder.write("model.safetensors", bytes);
+    folder
+}
+
+/// An orientation and a focal length on 35 mm film.
+fn exif_file() -> Folder {
+    let mut bytes = b"II*\0\x08\0\0\0\x02\0".to_vec();
+    bytes.extend([0x12, 1, 3, 0, 1, 0, 0, 0, 6, 0, 0, 0]);
+    bytes.extend([0x69, 0x87, 4, 0, 1, 0, 0, 0, 38, 0, 0, 0]);
+    bytes.extend([0, 0, 0, 0, 1, 0]);
+    bytes.extend([0x05, 0xa4, 3, 0, 1, 0, 0, 0, 35, 0, 0, 0]);
+    bytes.extend([0; 4]);
+    let folder = Folder::empty();
+    folder.write("exif", bytes);
     folder
 }

@@ -72,6 +72,11 @@ pub fn other_clouds(dir: &Path) -> Result<Vec<PathBuf>> {
     Ok(clouds)
 }
 
+/// The cloud that is taken of the COLMAP scene `dir`, where there is one.
+pub(in crate::scene) fn own_cloud(dir: &Path) -> Option<PathBuf> {
+    find_cloud(dir, &find_model(dir)?.probe.path).ok()
+}
+
 /// Says where [`find`] looks, for the error that no format was recognised.
 pub(super) fn expected() -> String {
     format!(
@@ -133,7 +138,12 @@ fn find_cloud(dir: &Path, folder: &Path) -> Result<PathBuf> {
     .ok_or_else(|| {
         Error::new("no point cloud beside the model")
             .at_path(folder)
-            .way_out("add points3D.ply, points.ply, points3D.bin or points3D.txt")
+            .way_out(format!(
+                "add points3D.ply, points.ply, points3D.bin or points3D.txt, or make one: \
+                 `gspotential scene --cameras {} --weights model.safetensors --out dense.ply`, then \
+                 `train --cloud dense.ply`",
+                dir.display()
+            ))
     })
 }
 

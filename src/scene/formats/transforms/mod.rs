@@ -311,7 +311,7 @@ fn find_cloud(dir: &Path, file: &Object) -> Result<PathBuf> {
     first_file(&["points3D.ply", "points.ply", "sparse_pc.ply"].map(|name| dir.join(name)))
         .ok_or_else(|| {
             Error::new("there is no point cloud").way_out(
-                "add points3D.ply in the frame of the poses, or name one in `ply_file_path`",
+                "add points3D.ply in the frame of the poses, or name one in `ply_file_path`; `gspotential scene --cameras` makes one of the photographs",
             )
         })
 }
