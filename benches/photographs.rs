@@ -89,7 +89,7 @@ fn main() -> Result<()> {
             for (way, is_adjusted) in [(&as_is, false), (&adjusted, true)] {
                 for refine in [false, true] {
                     config.poses.refine = refine;
-                    // Where nothing was kept, both ways are one.
+                    // Both ways are one if nothing was kept.
                     let is_told = is_adjusted && !way.kept;
                     if refine && (!args.train || name == "exact") {
                         continue;

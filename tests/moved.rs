@@ -100,7 +100,7 @@ fn a_run_within_its_scene_is_no_part_of_it() {
         let model = std::fs::read(scene.path().join(out).join("point_cloud.ply"));
         (model.expect("a model"), log)
     };
-    // Where images and masks might lie, too.
+    // Images and masks might lie there, too.
     let (first, _) = train("images/run");
     let (second, log) = train("run");
     assert!(first == second);

@@ -28,7 +28,6 @@ fn jolted() -> (Scene, Vec<Camera>) {
     let mut scene = scene(&BuiltinOptions {
         width: 96,
         n_test: 1,
-        pixel_step: 2,
         ..BuiltinOptions::default()
     });
     let truth: Vec<Camera> = scene.train.iter().map(|v| v.camera.clone()).collect();

@@ -138,7 +138,8 @@ fn a_scene_whose_numbers_fit_a_spz_file_is_stored_as_it_is_silently() {
         let (there, said) = exported(&gaussians);
         assert_eq!(said, "");
         let (place, size) = differences(&there, &gaussians, 1.0, DVec3::ZERO);
-        assert!(place <= 1e-6 * f64::from(unit), "{unit}: {place}");
+        // Steps are 2^-20 or, where that would not reach, 2^-23 of the farthest.
+        assert!(place <= 1e-6 * f64::from(unit).max(1.0), "{unit}: {place}");
         assert!(size <= 1.0 / 32.0 + 1e-4, "{unit}: {size}");
     }
 }
@@ -151,7 +152,8 @@ fn a_scene_in_a_huge_or_tiny_unit_is_scaled_to_fit_a_spz_file_and_the_factor_tol
         let factor = numbers(&said, "multiplied by ")[0];
         assert_eq!(said.lines().count(), 1, "{said}");
         let (place, size) = differences(&there, &gaussians, factor, DVec3::ZERO);
-        assert!(place <= 2e-6 * f64::from(unit), "{unit}: {place}");
+        // A fiftieth of what a Gaussian measures.
+        assert!(place <= 2e-4 * f64::from(unit), "{unit}: {place}");
         assert!(size <= 1.0 / 32.0 + 1e-4, "{unit}: {size}");
     }
 }
@@ -236,7 +238,7 @@ fn flat_gaussians_go_into_a_spz_file_and_what_is_cut_off_is_told() {
     let mut shiny = distinct(40, 1);
     shiny.sh.iter_mut().for_each(|c| *c = c.clamp(-1.0, 0.99));
     assert_eq!(exported(&shiny).1, "");
-    shiny.sh[40 * 3] = -2.5;
+    shiny.sh[10 * 12 + 4] = -2.5;
     let (_, said) = exported(&shiny);
     assert!(
         said.contains(

@@ -27,7 +27,7 @@ pub(super) struct Head {
     conv1: Conv3,
     conv2: Conv3,
     out: Linear,
-    /// Where it is used.
+    /// Read only if cameras come from rays.
     rays: Option<RayBranch>,
 }
 

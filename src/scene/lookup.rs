@@ -195,7 +195,10 @@ impl Folder {
             };
             let path = entry.path();
             if path.is_dir() {
-                listing.folders.push(name);
+                // The pictures that a run keeps are no photographs.
+                if !is_run(&path) {
+                    listing.folders.push(name);
+                }
             } else if path.is_file() {
                 listing.files.push(name);
             }
@@ -207,6 +210,12 @@ impl Folder {
         listed.insert(place.to_owned(), listing.clone());
         listing
     }
+}
+
+/// Whether a folder is what training writes: a config, beside what marks a run that is under way or done.
+pub(super) fn is_run(dir: &Path) -> bool {
+    let marks = [".lock", "metrics.json", "checkpoints"];
+    dir.join("config.json").is_file() && marks.iter().any(|mark| dir.join(mark).exists())
 }
 
 /// Whether a name fits.

@@ -9,14 +9,11 @@ use image::{DynamicImage, GrayImage, RgbImage};
 
 use super::image_file::{decoded, open_image, same_aspect};
 use super::lookup::stem;
-use super::window::Window;
+use super::window::{THRESHOLD, Window};
 use super::{Mask, Outside};
 use crate::config::OutsideMask;
 use crate::error::{Error, Result};
 use crate::files::read_file;
-
-/// From this level on a pixel is set.
-pub(super) const THRESHOLD: u8 = 128;
 
 /// An alpha channel that leaves out, or one that keeps, no more than this share of the pixels is no
 /// mask: editors and resizers leave such pixels behind, and failed segmentations.

@@ -4,6 +4,7 @@ use std::fs::Metadata;
 use std::path::Path;
 use std::time::UNIX_EPOCH;
 
+use super::lookup::is_run;
 use super::{CloudSource, SceneSource};
 use crate::files::digest::sha256;
 
@@ -41,12 +42,6 @@ fn list(dir: &Path, prefix: &str, listing: &mut String) -> std::io::Result<()> {
         }
     }
     Ok(())
-}
-
-/// Whether a folder is what training writes: a config, beside what marks a run that is under way or done.
-fn is_run(dir: &Path) -> bool {
-    let marks = [".lock", "metrics.json", "checkpoints"];
-    dir.join("config.json").is_file() && marks.iter().any(|mark| dir.join(mark).exists())
 }
 
 fn line(name: &str, meta: &Metadata) -> String {

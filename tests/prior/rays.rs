@@ -40,7 +40,7 @@ fn cameras_are_those_that_the_original_finds() {
         let rotation = DMat3::from_cols_array(&std::array::from_fn(|i| pose(i % 3, i / 3)));
         let translation = DVec3::new(pose(0, 3), pose(1, 3), pose(2, 3));
         assert!(camera.rotation.abs_diff_eq(rotation, POSE), "{camera:?}");
-        // Of centres up to 4.4 away.
+        // Centres are up to 4.4 away.
         let off = camera.translation.distance(translation);
         assert!(off < 4.4 * POSE, "view {view}: {off}");
         let lens = |key: &str, i: usize| right[key][view][i].as_f64().expect("a number");

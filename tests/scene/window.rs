@@ -66,13 +66,15 @@ fn an_alpha_channel_that_is_the_same_window_everywhere_is_ignored_and_told() {
 
 #[test]
 fn an_alpha_channel_with_a_subject_cuts_it_out() {
-    let small = rounded((25.0, 25.0), 8.0);
+    let small = rounded((29.0, 25.0), 8.0);
     // A figure with legs, as high as the image.
     let dented = |_: usize, u: f64, v: f64| u.abs() < 50.0 && (v < 0.0 || u.abs() > 20.0);
     // A box that fills the image, from elsewhere in each view.
     let moving = |i: usize, u: f64, v: f64| (u - 4.0 * i as f64).abs() < 50.0 && v.abs() < 38.0;
-    let once = |i: usize, u: f64, v: f64| i == 0 && u.abs() < 9.0 || i > 0 && u.hypot(v) < 38.0;
-    let kinds: [&dyn Fn(usize, f64, f64) -> bool; 4] = [&small, &dented, &moving, &once];
+    let once = |i: usize, u: f64, v: f64| i == 0 && u.abs() < 24.0 || i > 0 && u.hypot(v) < 38.0;
+    // A ball that is the same from everywhere.
+    let ball = |_: usize, u: f64, v: f64| u.hypot(v) < 34.0;
+    let kinds: [&dyn Fn(usize, f64, f64) -> bool; 5] = [&small, &dented, &moving, &once, &ball];
     for (k, is_in) in kinds.iter().enumerate() {
         let scene = with_alpha(is_in);
         for view in &scene.train {

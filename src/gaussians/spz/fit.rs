@@ -116,7 +116,7 @@ fn reach(gaussians: &Gaussians, i: usize, origin: DVec3) -> f64 {
 }
 
 /// Chooses the grid, and leaves out of `chosen` what is so far that too many of the others would be
-/// spoilt. Of origin, scale and number of Gaussians the first is changed that helps.
+/// spoilt. It changes the origin, else the scale, else the number of Gaussians: the first that helps.
 pub(super) fn fit(
     gaussians: &Gaussians,
     chosen: &mut Vec<usize>,
