@@ -38,7 +38,7 @@ pub(crate) struct TrainArgs {
 
     /// Make the scene from the photographs in this folder first, as `gspotential scene` does; it
     /// becomes the folder DIR-scene beside them
-    #[arg(long, value_name = "DIR", requires = "weights", conflicts_with_all = ["scene", "cloud", "dry_run"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["scene", "cloud", "dry_run"])]
     photographs: Option<PathBuf>,
 
     /// Weights of the network that finds their cameras; `gspotential scene --help` says which

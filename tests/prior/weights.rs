@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use gspotential::prior::{Images, Network, Outputs, check};
+use image::{Rgb, RgbImage};
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors, serialize};
 use serde_json::{Map, Value, json};
@@ -105,6 +106,22 @@ fn released_files_are_told_and_every_tensor_is_held_to_its_shape() {
         }
         // Ten of each first convolution, four of each second; the shared norm is used.
         assert_eq!(n_unused, 3 * (10 + 4), "{list}");
+    }
+}
+
+#[test]
+fn without_weights_one_line_says_what_to_download() {
+    let dir = tempfile::tempdir().expect("a folder");
+    RgbImage::from_fn(20, 20, |x, y| Rgb([x as u8, y as u8, 9]))
+        .save(dir.path().join("a.png"))
+        .expect("writes");
+    for command in ["scene . --out made", "train --photographs ."] {
+        let ended = run(dir.path(), command);
+        assert_eq!(ended.code, Some(2), "{}", ended.log);
+        assert_eq!(ended.log.lines().count(), 1, "{}", ended.log);
+        for part in ["no weights", "137 MB", "541 MB", "Apache-2.0", "--weights"] {
+            assert!(ended.log.contains(part), "{}", ended.log);
+        }
     }
 }
 
@@ -301,9 +318,7 @@ fn larger_models_are_told_with_their_licence() {
     assert!(notice.contains("CC BY-NC 4.0") && notice.contains("not for commercial use"));
     // It is said before anything takes time: the run below ends at the photographs.
     let photograph = dir.path().join("blank.png");
-    image::RgbImage::new(20, 20)
-        .save(&photograph)
-        .expect("writes");
+    RgbImage::new(20, 20).save(&photograph).expect("writes");
     let ended = run(
         dir.path(),
         "scene blank.png --weights model.safetensors --out scene",
