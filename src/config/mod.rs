@@ -1,6 +1,6 @@
 //! The configuration: its keys, the presets, overrides and checks.
 //!
-//! Every key is declared once, in [`schema`]: its type, default, range, unit and meaning. The
+//! Every key is declared once, in `schema.rs`: its type, default, range, unit and meaning. The
 //! defaults are the preset `paper`. Another preset is a JSON file in `configs/` that states what it
 //! changes; so is a user's config file, which names under `"preset"` what it changes.
 
