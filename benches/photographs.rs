@@ -27,7 +27,6 @@ use gspotential::scene::{LoadOptions, Scene, View};
 use gspotential::train::train;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, UnitSphere};
 
 use kit::SceneArgs;
 
@@ -161,13 +160,8 @@ fn put_off(maps: &[DepthMap], frame: &Frame, args: &Args, seed: u64) -> Vec<Dept
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut off = maps.to_vec();
     for map in &mut off {
-        let mut draw = |length: f64| -> [f64; 3] {
-            let direction: [f64; 3] = UnitSphere.sample(&mut rng);
-            direction.map(|x| x * length)
-        };
-        let [a, b, c] = draw(args.turn.to_radians());
-        let [x, y, z] = draw(args.shift * frame.radius);
-        map.camera = map.camera.moved([a, b, c, x, y, z]);
+        let shift = args.shift * frame.radius;
+        map.camera = kit::put_off(&map.camera, args.turn, shift, &mut rng);
         let sign = if rng.random::<bool>() { 1.0 } else { -1.0 };
         let scale = (1.0 + sign * args.scale) as f32;
         map.depth.iter_mut().for_each(|depth| *depth *= scale);

@@ -22,7 +22,6 @@ use gspotential::scene::{LoadOptions, Scene};
 use gspotential::train::train;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, UnitSphere};
 
 use kit::SceneArgs;
 
@@ -72,15 +71,10 @@ fn main() -> Result<()> {
 /// The scene with every training camera turned and shifted into directions drawn from the seed.
 fn put_off(scene: &Scene, frame: &Frame, args: &Args, seed: u64) -> Scene {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut draw = |length: f64| -> [f64; 3] {
-        let direction: [f64; 3] = UnitSphere.sample(&mut rng);
-        direction.map(|x| x * length)
-    };
     let mut scene = scene.clone();
     for view in &mut scene.train {
-        let [a, b, c] = draw(args.turn.to_radians());
-        let [x, y, z] = draw(args.shift * frame.radius);
-        view.camera = view.camera.moved([a, b, c, x, y, z]);
+        let shift = args.shift * frame.radius;
+        view.camera = kit::put_off(&view.camera, args.turn, shift, &mut rng);
     }
     scene
 }

@@ -1,12 +1,15 @@
-//! What benches share: the options about a scene and a config.
+//! What benches share: the options about a scene and a config, and cameras that are off.
 
 #![allow(dead_code, reason = "every bench uses a part of it")]
 
 use clap::Args;
+use gspotential::camera::Camera;
 use gspotential::config::Config;
 use gspotential::error::Result;
 use gspotential::pipeline::load_scene;
 use gspotential::scene::{LoadOptions, Scene, SceneSource};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, UnitSphere};
 
 /// What a bench is told of its config.
 #[derive(Args)]
@@ -54,4 +57,16 @@ impl SceneArgs {
         };
         load_scene(&source, &options)
     }
+}
+
+/// `camera` turned about its centre by `turn` degrees and shifted by `shift`, each about or along an
+/// axis drawn from `rng`.
+pub(crate) fn put_off(camera: &Camera, turn: f64, shift: f64, rng: &mut ChaCha8Rng) -> Camera {
+    let mut draw = |length: f64| -> [f64; 3] {
+        let direction: [f64; 3] = UnitSphere.sample(rng);
+        direction.map(|x| x * length)
+    };
+    let [a, b, c] = draw(turn.to_radians());
+    let [x, y, z] = draw(shift);
+    camera.moved([a, b, c, x, y, z])
 }
