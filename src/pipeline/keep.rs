@@ -13,8 +13,7 @@ use crate::run::{CurvePoint, Found, RunDir, Stop};
 use crate::scene::Scene;
 use crate::train::{State, Trainer, fingerprint};
 
-/// Default spacing of checkpoints: the least time between two, and the least
-/// multiple of what the last one took.
+/// Default spacing of checkpoints: at least this time, and this many times as long as the last one took.
 const INTERVAL: Duration = Duration::from_secs(60);
 const COST_MULTIPLE: u32 = 50;
 

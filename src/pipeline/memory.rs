@@ -96,7 +96,7 @@ fn splatting_bytes(scene: &Scene, config: &Config) -> u64 {
         true => visibility::bytes_a_point(scene.train.len()),
         false => 0,
     };
-    // In order to find the median of the confidences, and as a share of it.
+    // Confidences are copied to find their median, and held as shares of it.
     let confidence = match scene.cloud.confidence {
         Some(_) => size_of::<f32>() + size_of::<f64>(),
         None => 0,

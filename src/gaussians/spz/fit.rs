@@ -13,6 +13,7 @@ const FAR: f64 = 4.0;
 const MAX_SPOILT: f64 = 0.01;
 /// The scene may be multiplied by 2 to the power of any of these: from the largest f32 to the smallest.
 const POWERS: std::ops::RangeInclusive<i32> = -110..=110;
+
 /// What coordinates are stored in.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Grid {
