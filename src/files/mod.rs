@@ -7,7 +7,7 @@ pub(crate) mod npy;
 pub(crate) mod ply;
 
 use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 use std::path::Path;
 
 use crate::error::{Error, Result};
@@ -15,6 +15,15 @@ use crate::error::{Error, Result};
 /// Reads a whole file; the error names it.
 pub fn read_file(path: &Path) -> Result<Vec<u8>> {
     fs::read(path).map_err(|e| Error::new(format!("cannot read: {e}")).at_path(path))
+}
+
+/// Reads the first `n` bytes of a file, or all of a shorter one; the error names it.
+pub(crate) fn read_start(path: &Path, n: usize) -> Result<Vec<u8>> {
+    let mut start = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(n as u64).read_to_end(&mut start))
+        .map_err(|e| Error::new(format!("cannot read: {e}")).at_path(path))?;
+    Ok(start)
 }
 
 /// Writes a whole file through a temporary neighbour and a rename, so that a half-written

@@ -11,8 +11,8 @@ use ply_rs::ply::{DefaultElement, ElementDef, Encoding, KeyMap, ScalarType};
 
 use crate::error::{Error, Result};
 
-/// Headers longer than this are no headers.
-const MAX_BYTES: usize = 1 << 20;
+/// Headers longer than this are no headers, bytes.
+pub(crate) const MAX_HEADER_BYTES: usize = 1 << 20;
 
 pub(crate) struct Header {
     pub encoding: Encoding,
@@ -48,7 +48,7 @@ fn check(bytes: &[u8]) -> Result<(usize, usize)> {
     if !bytes.starts_with(b"ply") {
         return Err(Error::new("not a PLY file: it does not begin with `ply`").at("byte 0"));
     }
-    let head = &bytes[..bytes.len().min(MAX_BYTES)];
+    let head = &bytes[..bytes.len().min(MAX_HEADER_BYTES)];
     let mut end = 0;
     let mut elements: Vec<&str> = Vec::new();
     let mut properties: Vec<&str> = Vec::new();

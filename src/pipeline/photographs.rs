@@ -190,7 +190,8 @@ pub fn cloud_of_scene(
             .for_each(|depth| *depth *= scale as f32);
     }
     let (cloud, views) = cloud_of(&maps, options)?;
-    write_cloud(out, &cloud, &views)?;
+    let names: Vec<&str> = known.iter().map(|camera| camera.name.as_str()).collect();
+    write_cloud(out, &cloud, &views, &names)?;
     log::info!("wrote {} points to {}", cloud.len(), out.display());
     Ok(())
 }

@@ -7,8 +7,8 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::PointCloud;
-use super::formats::{own_cloud, read_points_binary, read_points_text};
-use super::ply::{read_ply, read_views};
+use super::formats::{read_points_binary, read_points_text};
+use super::ply::read_ply;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::files::read_file;
@@ -35,32 +35,6 @@ pub fn read_cloud(path: &Path) -> Result<PointCloud> {
         }
     };
     read(&read_file(path)?).map_err(|e| e.at_path(path))
-}
-
-/// The number of the view that each point of a cloud's file came from, from 0; none where the file
-/// does not say.
-///
-/// # Errors
-/// As those of [`read_cloud`].
-pub(super) fn read_views_of_points(path: &Path) -> Result<Option<Vec<u32>>> {
-    if path
-        .extension()
-        .is_none_or(|e| !e.eq_ignore_ascii_case("ply"))
-    {
-        return Ok(None);
-    }
-    read_views(&read_file(path)?).map_err(|e| e.at_path(path))
-}
-
-/// Number of views that the points of the COLMAP scene `dir` came from, by their own word; 0 where
-/// they do not say.
-///
-/// # Errors
-/// A cloud that cannot be read.
-pub fn n_cloud_views(dir: &Path) -> Result<usize> {
-    let views = own_cloud(dir).map(|cloud| read_views_of_points(&cloud));
-    let views = views.transpose()?.flatten().unwrap_or_default();
-    Ok(views.iter().max().map_or(0, |last| *last as usize + 1))
 }
 
 /// Drops points that are not finite (positions, as `f32` too, and confidence) and points at a

@@ -9,7 +9,7 @@ use std::time::Duration;
 use rayon::prelude::*;
 
 use super::builtin::{self, BuiltinOptions};
-use super::cloud::{clean, random_like, read_cloud, read_views_of_points};
+use super::cloud::{clean, random_like, read_cloud};
 use super::cut_out::keep_within_masks;
 use super::decode::{Decoded, decode};
 use super::fitted::Fit;
@@ -18,6 +18,7 @@ use super::images::{PosedImage, match_images};
 use super::inverted::{are_inverted, turned};
 use super::layout::PosedCamera;
 use super::masks::{AlphaIs, Masks, Unbelieved};
+use super::origin;
 use super::protocol::PoseProtocol;
 use super::split::{choose, regroup};
 use super::undistort::Cut;
@@ -68,17 +69,23 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         .chain(&split.test)
         .map(|&i| &matched.views[i])
         .collect();
+    let names: Vec<&str> = chosen
+        .iter()
+        .map(|v| v.posed.camera.name.as_str())
+        .collect();
+    let shown = names.split_at(split.train.len());
     let masks = Masks::of(dir);
     let (cloud, decoded) = rayon::join(
         || match &cloud_path {
-            Some(path) => read_points(path, confidence_path.as_deref(), &options.cloud),
-            None => Ok(PointCloud::default()),
+            Some(path) => read_points(path, confidence_path.as_deref(), &options.cloud, shown),
+            None => Ok((PointCloud::default(), None)),
         },
         || decode_all(&chosen, &masks, options),
     );
     let by_folder = chosen.iter().filter(|v| v.posed.mask.is_none());
     warnings.extend(masks.missing(by_folder.map(|v| v.posed.camera.name.as_str())));
-    let mut cloud = cloud?;
+    let (mut cloud, left_out) = cloud?;
+    warnings.extend(left_out);
     let mut train = views(decoded, &mut warnings)?;
     let mut test = train.split_off(split.train.len());
     let mut cameras: Vec<Camera> = matched
@@ -202,13 +209,15 @@ fn protocol(n_interpolated: usize, warnings: &mut Vec<String>) -> PoseProtocol {
     PoseProtocol::Interpolated
 }
 
-/// The cloud, with the confidences of a file of their own where there is one, as far as it is asked
-/// for.
+/// Reads the cloud, with the confidences of a file of their own where there is one, as far as it is
+/// asked for and came from no test view; `shown` names training and test views. A warning tells what
+/// is left out.
 fn read_points(
     path: &Path,
     confidence: Option<&Path>,
     source: &Option<CloudSource>,
-) -> Result<PointCloud> {
+    shown: (&[&str], &[&str]),
+) -> Result<(PointCloud, Option<String>)> {
     let mut cloud = read_cloud(path)?;
     if let Some(path) = confidence {
         let values = read_vector(&read_regular(path)?).map_err(|e| e.at_path(path))?;
@@ -223,22 +232,23 @@ fn read_points(
         }
         cloud.confidence = Some(values);
     }
-    if let Some(CloudSource::Views(n)) = source {
-        keep_first_views(&mut cloud, path, *n)?;
-    }
-    Ok(cloud)
-}
-
-/// Keeps the points that came from the first `n` views.
-fn keep_first_views(cloud: &mut PointCloud, path: &Path, n: usize) -> Result<()> {
-    let views = read_views_of_points(path)?.ok_or_else(|| {
-        Error::usage("the points do not say which view they came from")
-            .at_path(path)
-            .way_out("`gspotential scene` writes clouds that do; or name a cloud file")
-    })?;
-    let kept: Vec<bool> = views.iter().map(|view| (*view as usize) < n).collect();
+    let first = match source {
+        Some(CloudSource::Views(n)) => Some(*n),
+        _ => None,
+    };
+    let Some(kept) = origin::kept(path, first, shown)? else {
+        return Ok((cloud, None));
+    };
+    let n = cloud.len();
     cloud.retain(&kept);
-    Ok(())
+    let left_out = n - cloud.len();
+    let told = (first.is_none() && left_out > 0).then(|| {
+        format!(
+            "{left_out} of {n} points come from the depth of test views: left out, as test views \
+             must not shape what is trained"
+        )
+    });
+    Ok((cloud, told))
 }
 
 /// Makes the built-in scene `width` pixels wide, with the views and the cloud that are asked for.

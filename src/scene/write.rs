@@ -6,6 +6,7 @@ use std::path::Path;
 use glam::DQuat;
 
 use super::PointCloud;
+use super::origin::comments;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::files::{create_dir, write_file};
@@ -54,27 +55,28 @@ pub fn write_model(
     }
     write_file(&model.join("cameras.txt"), lines[0].as_bytes())?;
     write_file(&model.join("images.txt"), lines[1].as_bytes())?;
-    write_cloud(&model.join("points3D.ply"), cloud, views)?;
     let names: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
+    write_cloud(&model.join("points3D.ply"), cloud, views, &names)?;
     let split = serde_json::json!({ "train": names, "test": [] });
     write_file(&dir.join("split.json"), format!("{split:#}\n").as_bytes())
 }
 
 /// Writes a cloud as binary PLY: positions, colours, `confidence`, and the number of the view that
-/// each point came from, from 0.
+/// each point came from, from 0; comments say which of `names` a number is.
 ///
 /// # Errors
 /// What keeps the file from being written, or not one view a point.
-pub fn write_cloud(path: &Path, cloud: &PointCloud, views: &[u32]) -> Result<()> {
+pub fn write_cloud(path: &Path, cloud: &PointCloud, views: &[u32], names: &[&str]) -> Result<()> {
     if views.len() != cloud.len() {
         return Err(
             Error::new(format!("{} views for {} points", views.len(), cloud.len())).at_path(path),
         );
     }
     let mut bytes = format!(
-        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float \
+        "ply\nformat binary_little_endian 1.0\n{}element vertex {}\nproperty float x\nproperty float \
          y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n\
          property float confidence\nproperty uint view\nend_header\n",
+        comments(names),
         cloud.len()
     )
     .into_bytes();

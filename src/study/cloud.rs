@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::pipeline::{TrainJob, n_start};
 use crate::report::plot::{Axis, Plot, Point, Style};
 use crate::report::stats::Figure;
-use crate::scene::{CloudSource, SceneSource, n_cloud_views, other_clouds};
+use crate::scene::{CloudSource, Scene, SceneSource, n_cloud_views, other_clouds};
 
 const PRESETS: [&str; 2] = ["3dgs", "paper"];
 
@@ -27,7 +27,7 @@ const N_CURVE: u32 = 20;
 pub(crate) struct Cloud;
 
 /// A cloud's label and where it comes from; the scene's own is `None`.
-fn clouds(base: &Base) -> Result<Vec<(String, Option<CloudSource>)>> {
+fn clouds(base: &Base, scene: &Scene) -> Result<Vec<(String, Option<CloudSource>)>> {
     match base.source() {
         SceneSource::Builtin { .. } => Ok(VIEWS
             .map(|n| {
@@ -37,7 +37,8 @@ fn clouds(base: &Base) -> Result<Vec<(String, Option<CloudSource>)>> {
             .to_vec()),
         SceneSource::Folder(dir) => {
             let mut clouds = vec![("own".to_owned(), None)];
-            let n_views = n_cloud_views(dir)?;
+            let train = scene.train.iter().map(|view| view.camera.name.as_str());
+            let n_views = n_cloud_views(dir, &train.collect::<Vec<_>>())?;
             clouds.extend(
                 VIEWS
                     .into_iter()
@@ -74,7 +75,8 @@ impl Study for Cloud {
 
     fn variants(&self, base: &Base) -> Result<Vec<Variant>> {
         let mut variants = Vec::new();
-        for (label, cloud) in clouds(base)? {
+        let scene = base.scene()?;
+        for (label, cloud) in clouds(base, &scene)? {
             for preset in PRESETS {
                 let name = format!("{preset}{}", suffix(&label, &cloud));
                 let Variant { name, job } = base.variant(&name, preset, &[])?;
@@ -83,7 +85,7 @@ impl Study for Cloud {
                 variants.push(Variant { name, job });
             }
         }
-        let n_points = n_start(&base.scene()?, &base.config("3dgs", &[])?);
+        let n_points = n_start(&scene, &base.config("3dgs", &[])?);
         for (start, cloud) in [("own", None), ("random", Some(CloudSource::Random))] {
             for thinning in THINNING {
                 let points = format!("scene.max_points={}", (n_points / thinning).max(1));

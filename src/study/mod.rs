@@ -136,6 +136,7 @@ struct Picture {
 pub fn run(name: StudyName, options: &Options) -> Result<String> {
     let study = name.study();
     let plan = plan(study, options)?;
+    check_test_views(options, &plan)?;
     let results = carry_out(&plan, &options.measure)?;
     let report = study.report(&results)?;
     let methods = study.methods(&results);
@@ -182,6 +183,24 @@ fn plan(study: &dyn Study, options: &Options) -> Result<Vec<Planned>> {
         }
     }
     Ok(plan)
+}
+
+/// Refuses scenes without test views before anything is trained on them: a study compares renders of test
+/// views with their photographs.
+fn check_test_views(options: &Options, plan: &[Planned]) -> Result<()> {
+    for source in &options.scenes {
+        let base = Base::new(options, source)?;
+        let to_train = |p: &Planned| {
+            Ok(p.scene == base.name() && p.state(&options.measure)? == State::ToTrain)
+        };
+        let states = plan.iter().map(to_train).collect::<Result<Vec<bool>>>()?;
+        if states.contains(&true) && base.scene()?.test.is_empty() {
+            return Err(Error::usage(format!("scene `{}` has no test views", base.name())).way_out(
+                "a study measures at test views: name some under `test` in the scene's split.json",
+            ));
+        }
+    }
+    Ok(())
 }
 
 fn repeated(seeds: &[u64]) -> Option<u64> {

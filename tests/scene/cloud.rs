@@ -4,8 +4,8 @@ use super::build::{Folder, GOOD_PLY, fails_with, images_txt, options, ply_with_r
 use glam::DVec3;
 use gspotential::error::ErrorKind;
 use gspotential::scene::{
-    CloudSource, LoadOptions, PointCloud, SceneSource, load_builtin, n_cloud_views, random_like,
-    read_cloud, thin,
+    CloudSource, LoadOptions, PointCloud, Scene, SceneSource, load_builtin, n_cloud_views,
+    random_like, read_cloud, thin, write_cloud,
 };
 
 fn points_bin() -> Vec<u8> {
@@ -306,7 +306,7 @@ fn a_cloud_is_made_of_the_points_of_its_first_views() {
             assert!(scene.source.contains("first"), "{}", scene.source);
         }
         assert_eq!(folder.scene().cloud.len(), 3);
-        assert_eq!(n_cloud_views(folder.path()).expect("a cloud"), 3);
+        assert_eq!(n_cloud_views(folder.path(), &[]).expect("a cloud"), 3);
     }
     let failed = |parts: &[&str]| {
         let made = folder.load_with(&of_views(2));
@@ -319,7 +319,53 @@ fn a_cloud_is_made_of_the_points_of_its_first_views() {
     failed(&["vertex 1", "view -2 is below 0"]);
     folder.write(path, GOOD_PLY);
     failed(&["points3D.ply", "do not say which view", "name a cloud file"]);
-    assert_eq!(n_cloud_views(folder.path()).expect("a cloud"), 0);
+    assert_eq!(n_cloud_views(folder.path(), &[]).expect("a cloud"), 0);
+}
+
+#[test]
+fn points_of_test_views_are_left_out_of_a_cloud_that_names_its_views() {
+    let names = ["a.png", "b b.png", "c.png", "d.png", "e.png", "f.png"];
+    let folder = Folder::with_views(&names);
+    folder.write(
+        "split.json",
+        r#"{"train": ["a.png", "c.png", "d.png", "e.png"], "test": ["b b.png"]}"#,
+    );
+    let cloud = PointCloud {
+        positions: (0..6).map(|i| DVec3::new(f64::from(i), 0.0, 5.0)).collect(),
+        colors: (0..6).map(|i| [i, 0, 0]).collect(),
+        confidence: Some(vec![1.0; 6]),
+    };
+    let path = folder.path().join("sparse/0/points3D.ply");
+    // A point of each view, backwards.
+    write_cloud(&path, &cloud, &[5, 4, 3, 2, 1, 0], &names).expect("writes");
+    let reds = |cloud: &PointCloud| cloud.colors.iter().map(|c| c[0]).collect::<Vec<u8>>();
+    let scene = folder.scene();
+    // That of the view that is not shown at all stays.
+    assert_eq!(reds(&scene.cloud), [0, 1, 2, 3, 5]);
+    let told = |scene: &Scene| {
+        let said = |w: &&String| w.contains("1 of 6 points come from the depth of test views");
+        scene.warnings.iter().filter(said).count()
+    };
+    assert_eq!(told(&scene), 1, "{:?}", scene.warnings);
+    // The first training views: b is none.
+    for (n, right) in [(1, &[5][..]), (2, &[3, 5]), (3, &[2, 3, 5])] {
+        let options = LoadOptions {
+            cloud: Some(CloudSource::Views(n)),
+            ..options()
+        };
+        let scene = folder.load_with(&options).expect("a scene");
+        assert_eq!(reds(&scene.cloud), right, "{n}");
+        assert_eq!(told(&scene), 0);
+    }
+    let train = ["a.png", "c.png", "d.png", "e.png"];
+    assert_eq!(n_cloud_views(folder.path(), &train).expect("a cloud"), 4);
+    // A file named by hand is held to the same.
+    let by_hand = LoadOptions {
+        cloud: Some(CloudSource::File(path)),
+        ..options()
+    };
+    let scene = folder.load_with(&by_hand).expect("a scene");
+    assert_eq!((scene.cloud.len(), told(&scene)), (5, 1));
 }
 
 #[test]

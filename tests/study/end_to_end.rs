@@ -4,9 +4,12 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
+use gspotential::camera::Camera;
+use gspotential::dense::{CloudOptions, DepthMap, cloud};
 use gspotential::field::Focus;
 use gspotential::report::read_png;
 use gspotential::scene::builtin::{self, BuiltinOptions};
+use gspotential::scene::{Image, View, write_model};
 use serde_json::Value;
 
 use crate::kit::program::{Ended, run, succeed};
@@ -336,6 +339,74 @@ fn a_run_that_fails_keeps_no_other_from_being_done() {
     // The others are measured again, as the scene's files have changed, but not trained.
     assert_eq!(log.matches("adapter: ").count(), 2, "{log}");
     assert!(report.contains("points3D_bad"), "{report}");
+}
+
+/// A scene as it is made of photographs, exact depths in the network's place: the built-in one's, each point
+/// of which knows its view.
+fn scene_of_depths(dir: &Path) {
+    let options = BuiltinOptions {
+        width: 32,
+        n_test: 2,
+        ..BuiltinOptions::default()
+    };
+    let scene = builtin::scene(&options);
+    let views = scene.train.iter().chain(&scene.test);
+    let map = |view: &View| DepthMap {
+        depth: builtin::trace(&view.camera)
+            .depth
+            .iter()
+            .map(|d| *d as f32)
+            .collect(),
+        confidence: vec![1.0; view.image.rgb.len() / 3],
+        colors: view.image.rgb.as_chunks().0.to_vec(),
+        camera: view.camera.clone(),
+    };
+    let maps: Vec<DepthMap> = views.clone().map(map).collect();
+    let made = cloud(&maps, CloudOptions { share: 1.0 });
+    let cameras: Vec<Camera> = maps.into_iter().map(|map| map.camera).collect();
+    write_model(dir, &cameras, &made.points, &made.views).expect("writes");
+    fs::create_dir(dir.join("images")).expect("a folder");
+    for View { camera, image, .. } in views {
+        let (path, Image { width, height, rgb }) = (dir.join("images").join(&camera.name), image);
+        image::save_buffer(path, rgb, *width, *height, image::ColorType::Rgb8).expect("writes");
+    }
+}
+
+#[test]
+fn a_scene_of_photographs_has_clouds_of_fewer_views_once_it_has_test_views() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path().join("mine");
+    scene_of_depths(&dir);
+    let args = "cloud --scene mine --iterations 3 --max-points 40 --set views.count=3 --seeds 0";
+    // All photographs are trained on, as `scene` leaves it.
+    fails(
+        folder.path(),
+        args,
+        2,
+        &["`mine` has no test views", "split.json"],
+    );
+    assert!(!folder.path().join("studies").exists());
+    let split = json(&dir.join("split.json"));
+    let names = split["train"].as_array().expect("names");
+    let split = serde_json::json!({ "train": names[..4], "test": names[4..] });
+    fs::write(dir.join("split.json"), split.to_string()).unwrap();
+    let (report, log) = succeeds(folder.path(), args);
+    assert!(log.contains("come from the depth of test views"), "{log}");
+    let data = json(&folder.path().join("studies/cloud.json"));
+    let rows = data["tables"][0]["rows"].as_array().expect("rows");
+    let clouds: Vec<&str> = rows
+        .iter()
+        .filter_map(|row| row["cloud"].as_str())
+        .collect();
+    let own = "the scene's own";
+    assert_eq!(
+        clouds,
+        [own, own, "1 view", "1 view", "2 views", "2 views"],
+        "{report}"
+    );
+    for row in rows {
+        assert!(row["psnr"]["mean"].is_number(), "{row}");
+    }
 }
 
 #[test]
