@@ -17,6 +17,7 @@ pub struct Goal {
 }
 
 impl Goal {
+    /// Packs `height * width` RGBA8 texels, red in the lowest byte, row 0 on top.
     pub fn new(texels: &[u32]) -> Goal {
         let mut covered = vec![0; texels.len().div_ceil(64)];
         let n = texels.iter().filter(|texel| **texel != 0).count();

@@ -13,6 +13,7 @@ use crate::render::{
 /// Bytes of GPU buffers that training holds at one time, to the byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TrainingBytes {
+    /// Gaussians of the model, those of the far shell among them.
     pub n_gaussians: usize,
     /// Pairs of one view that there is room for.
     pub n_pairs: usize,
@@ -20,7 +21,9 @@ pub struct TrainingBytes {
     pub model: u64,
     /// Both of Adam's.
     pub moments: u64,
+    /// What densification gathers, and the uniform of an Adam step.
     pub statistics: u64,
+    /// The buffers of forward and backward pass, by kind.
     pub workspace: WorkspaceBytes,
     /// Gradients of poses, where they are refined.
     pub poses: u64,

@@ -19,6 +19,7 @@ pub struct OptimizerKernels {
 }
 
 impl OptimizerKernels {
+    /// Compiles the kernels for every SH degree.
     pub fn new(gpu: &Gpu) -> OptimizerKernels {
         Self::from_sources(gpu, &shader::compose)
     }
@@ -45,23 +46,41 @@ impl OptimizerKernels {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct StepUniform {
+    /// The real and the virtual view; without a virtual view the second weighs 0.
     pub views: [StepView; 2],
+    /// Learning rates of the planes of geometry: mean and opacity, log scale, rotation.
     pub geometry_rates: [[f32; 4]; 3],
+    /// Learning rate of SH degree 0.
     pub sh_0_rate: f32,
+    /// Learning rate of all higher SH degrees, a twentieth of `sh_0_rate` (3DGS).
     pub sh_rate: f32,
+    /// Padding.
     pub pad_0: [f32; 2],
+    /// Decay of the first moment.
     pub beta_1: f32,
+    /// Decay of the second moment.
     pub beta_2: f32,
+    /// `1 - beta_1`, taken in f64.
     pub new_share_1: f32,
+    /// `1 - beta_2`, taken in f64.
     pub new_share_2: f32,
+    /// `1 / (1 - beta_1^t)` at step `t`, from 1.
     pub correction_1: f32,
+    /// `1 / sqrt(1 - beta_2^t)` at step `t`, from 1.
     pub correction_2: f32,
+    /// Added to the root of the second moment.
     pub epsilon: f32,
+    /// Padding.
     pub pad_1: f32,
+    /// Distance from the focus beyond which geometry is held; infinite if nothing is.
     pub frozen_beyond: f32,
+    /// Padding.
     pub pad_2: [f32; 3],
+    /// Gaussians that are trained.
     pub n_gaussians: u32,
+    /// Entries a plane of the buffers, not below `n_gaussians`.
     pub stride: u32,
+    /// Padding.
     pub pad_3: [u32; 2],
 }
 
@@ -69,9 +88,13 @@ pub struct StepUniform {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct StepView {
+    /// Optical centre, canonical frame, rounded to f32.
     pub center: [f32; 3],
+    /// 1 if the view takes part in the step, else 0.
     pub weight: f32,
+    /// What rounding took off the optical centre.
     pub center_low: [f32; 3],
+    /// Padding.
     pub pad: f32,
 }
 
@@ -129,11 +152,17 @@ impl StepUniform {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct RearrangeUniform {
+    /// Gaussians of the new set.
     pub n: u32,
+    /// Entries a plane of the old buffer.
     pub old_stride: u32,
+    /// Entries a plane of the new buffer.
     pub new_stride: u32,
+    /// Planes of the block, 1 to 5.
     pub n_planes: u32,
+    /// 0 for geometry, 2 for Adam moments, 1 for what is copied as it is.
     pub kind: u32,
+    /// Padding.
     pub pad: [u32; 3],
 }
 
@@ -145,7 +174,9 @@ pub struct ResetUniform {
     pub ceiling: f32,
     /// Distance from the focus beyond which all stay.
     pub frozen_beyond: f32,
+    /// Gaussians of the model.
     pub n_gaussians: u32,
+    /// Padding.
     pub pad: u32,
 }
 
@@ -179,8 +210,11 @@ pub(super) fn with_room(n: usize, most: usize) -> usize {
 
 /// The parameters in training, with what Adam and the densification remember of them.
 pub struct Optimizer {
+    /// The parameters.
     pub model: Model,
+    /// Adam's running mean of the gradient, laid out as the parameters are.
     pub first_moment: Model,
+    /// Adam's running mean of the squared gradient, laid out as the parameters are.
     pub second_moment: Model,
     /// `vec4f` a Gaussian: sum of screen gradients, number of views, largest radius, 0.
     statistics: Buffer,

@@ -26,9 +26,13 @@ const SPLIT_SHRINK: f64 = 1.6;
 /// What the policy looks at, per Gaussian; canonical frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Gathered {
+    /// Centres.
     pub means: Vec<Vec3>,
+    /// `ln(opacity / (1 - opacity))`.
     pub opacity_logits: Vec<f32>,
+    /// Natural logarithms of the standard deviations along the principal axes.
     pub scales_log: Vec<Vec3>,
+    /// Quaternions, w first, not normalised.
     pub rotations_wxyz: Vec<[f32; 4]>,
     /// Sum of the screen gradient's norm, number of views drawn in, largest radius (share of the
     /// longer image side) since the last densification.
@@ -39,8 +43,11 @@ pub struct Gathered {
 /// its mean moved by `changes[i].xyz` and its log scales by `changes[i].w`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
+    /// The old Gaussian that each new one comes from; [`NEW`] may be set beside the index.
     pub sources: Vec<u32>,
+    /// What is added: x, y, z to the mean, w to each log scale.
     pub changes: Vec<[f32; 4]>,
+    /// Gaussians touched, by reason.
     pub counts: PlanCounts,
 }
 
@@ -82,6 +89,7 @@ impl Judgement {
 /// What the scene decides, in the canonical frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Surroundings<'a> {
+    /// The coverage scores `Q_i` of the training cameras, which the coverage-aware rules go by.
     pub coverage: &'a Coverage,
     /// 3DGS's camera extent.
     pub extent: f64,

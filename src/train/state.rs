@@ -12,11 +12,15 @@ use crate::render::{BLOCK_PLANES, n_blocks};
 pub struct State {
     /// Number of finished iterations.
     pub done: u32,
+    /// Gaussians in the buffers, at most `stride`.
     pub n_gaussians: usize,
     /// Entries a plane of the buffers.
     pub stride: usize,
+    /// SH degree that the buffers have room for, 0 to 3.
     pub sh_degree: u32,
+    /// Losses read so far.
     pub samples: Vec<LossSample>,
+    /// Densification and pruning steps so far.
     pub plans: Vec<PlanRecord>,
     /// The training cameras' poses; `None` unless they are refined.
     pub poses: Option<Vec<RefinedPose>>,

@@ -60,7 +60,9 @@ impl TrainingView {
 /// What a training run learns from, in the canonical frame.
 #[derive(Clone, Debug)]
 pub struct Supervision {
+    /// The photographs, with the training cameras.
     pub real: Vec<TrainingView>,
+    /// The splatted virtual views; empty in a run without them.
     pub virtual_views: Vec<TrainingView>,
     /// Decides coverage-aware pruning and densification.
     pub coverage: Coverage,

@@ -53,7 +53,9 @@ pub struct TrainerSeconds {
 /// The views of an iteration, by number among their kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StepViews {
+    /// Index into [`Supervision::real`].
     pub real: usize,
+    /// Index into [`Supervision::virtual_views`]; `None` in an iteration without one.
     pub virtual_view: Option<usize>,
 }
 
