@@ -41,8 +41,11 @@ pub struct Checkpoints {
 
 /// A checkpoint that was read.
 pub struct Found<H> {
+    /// The file that it was read from.
     pub path: PathBuf,
+    /// The JSON part.
     pub header: H,
+    /// The bytes after the header, without the checksum.
     pub payload: Vec<u8>,
     /// Why newer ones could not be read.
     pub warnings: Vec<String>,
@@ -55,6 +58,7 @@ impl Checkpoints {
         Checkpoints { folder }
     }
 
+    /// The folder that the files lie in; it may not exist yet.
     pub fn folder(&self) -> &Path {
         &self.folder
     }

@@ -15,6 +15,7 @@ use crate::scene::PoseProtocol;
 /// Errors at the test views: `eval.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
+    /// Means over all test views.
     pub mean: Mean,
     /// Over the masks of the views that have one; null where none has.
     #[serde(default)]
@@ -22,7 +23,9 @@ pub struct Evaluation {
     /// Over the covered pixels of the views that have some; null in files of older versions.
     #[serde(default)]
     pub mean_covered: Option<CoveredScore>,
+    /// One entry a test view.
     pub views: Vec<ViewScore>,
+    /// Gaussians of the model that was measured.
     pub n_gaussians: usize,
     /// Seconds of training alone.
     pub train_s: Option<f64>,
@@ -40,6 +43,7 @@ pub struct Measured {
     pub version: String,
     /// SHA-256 of `point_cloud.ply`, in hex.
     pub point_cloud_sha256: String,
+    /// Size of `point_cloud.ply`.
     pub point_cloud_bytes: u64,
     /// SHA-256 of `config.json`, which holds the near plane and the background.
     pub config_sha256: String,
@@ -47,7 +51,9 @@ pub struct Measured {
     pub scene_stamp: Option<String>,
     /// Width and height of the first test view; null without one.
     pub image_px: Option<[u32; 2]>,
+    /// How the test cameras came into the frame of the model.
     pub pose_protocol: PoseProtocol,
+    /// Whether renders were rounded to 8 bit before they were measured.
     pub renders: Renders,
     /// Null: LPIPS was not measured.
     pub lpips: Option<LpipsRecord>,

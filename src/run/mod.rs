@@ -168,6 +168,7 @@ impl RunDir {
         self.root.join("metrics.json").is_file()
     }
 
+    /// Those of this run, in its `checkpoints/`.
     pub fn checkpoints(&self) -> Checkpoints {
         Checkpoints::new(self.root.join(CHECKPOINTS))
     }
@@ -188,6 +189,7 @@ impl RunDir {
         self.read_json(JOB)
     }
 
+    /// The run directory.
     pub fn root(&self) -> &Path {
         &self.root
     }
@@ -200,10 +202,12 @@ impl RunDir {
         }
     }
 
+    /// Path of the trained Gaussians, which a run without a finished training lacks.
     pub fn point_cloud(&self) -> PathBuf {
         self.root.join("point_cloud.ply")
     }
 
+    /// Path of the cameras: training, test and virtual views.
     pub fn cameras(&self) -> PathBuf {
         self.root.join("cameras.json")
     }
@@ -238,10 +242,15 @@ impl RunDir {
         Config::from_file(&self.config_file())
     }
 
+    /// Writes `metrics.json`, last of all: from then on the run counts as finished.
     pub fn write_metrics(&self, metrics: &Metrics) -> Result<()> {
         self.write_json("metrics.json", metrics)
     }
 
+    /// Reads `metrics.json`. A scene that has moved is named where it is now.
+    ///
+    /// # Errors
+    /// The run is not finished, or the file is not as this version writes it.
     pub fn metrics(&self) -> Result<Metrics> {
         if !self.is_finished() {
             let root = self.root.display();
@@ -256,18 +265,28 @@ impl RunDir {
         Ok(metrics)
     }
 
+    /// Writes `profile.json`.
     pub fn write_profile(&self, profile: &RunProfile) -> Result<()> {
         self.write_json("profile.json", profile)
     }
 
+    /// Reads `profile.json`.
+    ///
+    /// # Errors
+    /// The run was not profiled, or the file is not as this version writes it.
     pub fn profile(&self) -> Result<RunProfile> {
         self.read_json("profile.json")
     }
 
+    /// Writes `eval.json`.
     pub fn write_evaluation(&self, evaluation: &Evaluation) -> Result<()> {
         self.write_json("eval.json", evaluation)
     }
 
+    /// Reads `eval.json`; a PSNR of an identical image, null in the file, is infinite again.
+    ///
+    /// # Errors
+    /// The run was not evaluated, or the file is not as this version writes it.
     pub fn evaluation(&self) -> Result<Evaluation> {
         let evaluation: Evaluation = self.read_json("eval.json")?;
         Ok(evaluation.with_infinities())

@@ -12,7 +12,9 @@ use crate::gpu::KernelTime;
 pub struct RunProfile {
     /// The GPU adapter's name, driver and backend.
     pub adapter: String,
+    /// Wall-clock seconds of each stage.
     pub seconds: Seconds,
+    /// What an iteration takes.
     pub step: StepProfile,
 }
 
@@ -21,6 +23,7 @@ pub struct RunProfile {
 pub struct StepProfile {
     /// Iterations that were run, and those of them that were timed kernel by kernel.
     pub iterations: u32,
+    /// Those of `iterations` that were timed kernel by kernel.
     pub timed: u32,
     /// Wall-clock seconds an iteration, over all of them, without checkpoints.
     pub wall_s: f64,
@@ -31,8 +34,11 @@ pub struct StepProfile {
 /// One kernel's part of an iteration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct KernelProfile {
+    /// Name of its entry point.
     pub kernel: String,
+    /// Seconds an iteration, over all its dispatches.
     pub seconds: f64,
+    /// Dispatches an iteration.
     pub dispatches: f64,
 }
 

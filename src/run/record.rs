@@ -16,12 +16,19 @@ pub struct Metrics {
     pub version: String,
     /// The GPU adapter's name, driver and backend.
     pub adapter: String,
+    /// Seed of everything random in the run.
     pub seed: u64,
+    /// Number of iterations asked for.
     pub iterations: u32,
+    /// The scene, with what of it was taken.
     pub scene: SceneRecord,
+    /// Wall-clock seconds of each stage.
     pub seconds: Seconds,
+    /// Peak memory of the process and of the GPU.
     pub memory: Memory,
+    /// Losses on the way, in the order of iterations.
     pub loss: Vec<LossSample>,
+    /// Numbers of Gaussians: at the start, and after every densification or pruning step.
     pub model_size: Vec<ModelSize>,
     /// How far each training camera's pose was moved; empty where they were held.
     #[serde(default)]
@@ -34,7 +41,9 @@ pub struct Metrics {
 /// What refinement made of a training camera's pose.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PoseChange {
+    /// Name of the training view.
     pub view: String,
+    /// Angle between the given and the refined rotation, degrees.
     pub turn_deg: f64,
     /// How far the optical centre moved, in shares of the sphere's radius.
     pub shift: f64,
@@ -45,12 +54,14 @@ pub struct PoseChange {
 pub struct CurvePoint {
     /// Number of finished iterations.
     pub iteration: u32,
+    /// Gaussians of the model then.
     pub n_gaussians: usize,
     /// Seconds of training alone until then; null in files of older versions.
     #[serde(default)]
     pub train_s: Option<f64>,
     /// dB; null for an identical image.
     pub psnr: Option<f64>,
+    /// At most 1; null if no test view was measured.
     pub ssim: Option<f64>,
 }
 
@@ -63,7 +74,9 @@ pub struct SceneRecord {
     pub cloud: Option<String>,
     /// Short name for tables.
     pub name: String,
+    /// Names of the training views, in the scene's order.
     pub train_views: Vec<String>,
+    /// Names of the test views, in the scene's order.
     pub test_views: Vec<String>,
     /// Points in the cloud as loaded.
     pub n_points: usize,
@@ -76,6 +89,7 @@ pub struct SceneRecord {
     pub thumbnails: Option<Vec<String>>,
     /// Points that each round of carving removed; null where it was off.
     pub carved_points: Option<Vec<usize>>,
+    /// How the test cameras came into the frame of the training cameras.
     pub pose_protocol: PoseProtocol,
 }
 
@@ -94,6 +108,7 @@ impl SceneRecord {
 /// What an unfinished run is asked for beyond its config.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JobRecord {
+    /// The scene, with what of it is taken.
     pub scene: SceneRecord,
     /// Iterations between two points of the curve, where there is one.
     pub eval_every: Option<u32>,
@@ -106,10 +121,15 @@ pub struct JobRecord {
 pub struct Seconds {
     /// Opening the adapter.
     pub open: Option<f64>,
+    /// Reading the scene: cameras, photographs and cloud.
     pub load: Option<f64>,
+    /// Focus, camera potential and coverage.
     pub field: Option<f64>,
+    /// Carving the cloud; null if the config does not ask for it.
     pub carve: Option<f64>,
+    /// Choosing the virtual cameras.
     pub sample: Option<f64>,
+    /// Splatting the cloud into the virtual views.
     pub splat: Option<f64>,
     /// The first Gaussians, with their scales from the nearest points.
     pub gaussians: Option<f64>,
@@ -123,6 +143,7 @@ pub struct Seconds {
     pub to_first_iteration: Option<f64>,
     /// Part of `train`; where the run was profiled.
     pub first_iteration: Option<f64>,
+    /// All iterations, with what is noted on the way.
     pub train: Option<f64>,
     /// Part of `train`: densification, pruning and opacity resets.
     pub densify: Option<f64>,
@@ -130,6 +151,7 @@ pub struct Seconds {
     pub checkpoints: Option<f64>,
     /// Writing the trained model.
     pub write: Option<f64>,
+    /// Rendering and measuring the test views.
     pub eval: Option<f64>,
     /// The run's page; in `profile.json` alone.
     pub report: Option<f64>,
@@ -167,7 +189,9 @@ pub struct Memory {
 /// Number of Gaussians after an iteration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModelSize {
+    /// Number of finished iterations; 0 for the start.
     pub iteration: u32,
+    /// Gaussians after it.
     pub n_gaussians: usize,
     /// What changed it; null for the start.
     pub plan: Option<PlanCounts>,

@@ -46,10 +46,12 @@ impl Stop {
         Ok(stop)
     }
 
+    /// Asks for the stop, as a first signal does.
     pub fn ask(&self) {
         self.asked.store(true, Ordering::SeqCst);
     }
 
+    /// Whether a stop has been asked for.
     pub fn asked(&self) -> bool {
         self.asked.load(Ordering::SeqCst)
     }
