@@ -20,13 +20,19 @@ const N_TIMED: u32 = 8;
 pub struct DryRun {
     /// What was loaded from where.
     pub scene: String,
+    /// Photographs that are trained on.
     pub n_training_views: usize,
+    /// Views that errors are measured at.
     pub n_test_views: usize,
+    /// Points of the scene's cloud as loaded, before carving.
     pub n_points: usize,
+    /// Iterations that the whole run would take.
     pub n_iterations: u32,
+    /// Gaussians that training starts from, those of the far shell among them.
     pub n_gaussians: usize,
     /// Gaussians at which growth stops; None where nothing grows.
     pub max_gaussians: Option<usize>,
+    /// Virtual views that are trained on.
     pub n_virtual_views: usize,
     /// Width and height of the first training view, pixels.
     pub image_size: [u32; 2],
@@ -40,6 +46,7 @@ pub struct DryRun {
     pub memory: Forecast,
     /// Most bytes that buffers held so far.
     pub gpu_bytes: u64,
+    /// Peak resident set of the process in bytes; `None` where the system does not tell.
     pub host_bytes: Option<u64>,
 }
 

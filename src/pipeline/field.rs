@@ -21,20 +21,25 @@ const ADVICE_COLOR: [u8; 3] = [255, 0, 220];
 /// What the photographs of a scene cover: `field.json`. Angles are degrees, by [`Compass`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FieldReport {
+    /// Short name of the scene.
     pub scene: String,
     /// Scene's own frame.
     pub focus: [f64; 3],
     /// Scene's own units.
     pub radius: f64,
+    /// Unit vector that elevations are measured towards, scene's own frame.
     pub up: [f64; 3],
+    /// The training cameras; their directions point from the focus to the optical centre.
     pub training: Vec<Place>,
     /// In the order of the draw.
     pub virtual_views: Vec<Place>,
+    /// How much the training views leave uncovered.
     pub uncovered: Uncovered,
     /// The training cameras that have the focus behind them.
     pub looking_away: Vec<String>,
     /// None where the cameras look outward: places around the focus that look at it would not help.
     pub advice: Option<Advice>,
+    /// How cloud and training views agree.
     pub agreement: Agreement,
 }
 
@@ -44,37 +49,49 @@ pub struct Place {
     /// The camera's, where there is one.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub name: String,
+    /// Degrees about the up axis from the front, in (-180, 180].
     pub azimuth: f64,
+    /// Degrees above the plane through the focus, -90 to 90.
     pub elevation: f64,
+    /// `U_info`: how well training views inform this direction.
     pub u_info: f64,
     /// The nearest training camera; of a training camera the nearest other, null without one.
     pub nearest: Option<String>,
+    /// Degrees to the nearest camera; null without one.
     pub nearest_angle: Option<f64>,
 }
 
 /// Shares in [0, 1] of the band of elevations.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Uncovered {
+    /// The lowest and the highest elevation that count, degrees.
     pub elevations: [f64; 2],
+    /// Mean of `max(0, 1 - U_info)` over the band.
     pub mean: f64,
+    /// The least covered direction of the band.
     pub worst: Place,
+    /// `max(0, 1 - U_info)` there.
     pub worst_value: f64,
 }
 
 /// The place of one more photograph that leaves the least uncovered.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Advice {
+    /// The advised direction.
     pub place: Place,
     /// On the sphere, in the scene's own frame, looking at the focus.
     pub position: [f64; 3],
+    /// Mean over the band once this photograph is taken, in [0, 1].
     pub mean_uncovered: f64,
     /// From the nearest training camera: to the right of someone there who looks at the focus.
     pub to_the_right: f64,
+    /// From the nearest training camera: how much higher, degrees of elevation.
     pub upwards: f64,
 }
 
 /// The field of a scene's training views, and its maps as SVG.
 pub struct FieldMaps {
+    /// The figures.
     pub report: FieldReport,
     /// `U_total` with the virtual views drawn from it.
     pub potential_svg: String,

@@ -17,9 +17,11 @@ pub struct TrainJob {
     pub source: SceneSource,
     /// Names; otherwise the scene's own split.
     pub train_views: Option<Vec<String>>,
+    /// Names; otherwise the scene's own split.
     pub test_views: Option<Vec<String>>,
     /// The cloud to take; None: the scene's own.
     pub cloud: Option<CloudSource>,
+    /// The resolved config.
     pub config: Config,
     /// Iterations between two points of the curve in `metrics.json`; otherwise it has none.
     pub eval_every: Option<u32>,

@@ -43,10 +43,13 @@ use crate::scene::{self, LoadOptions, Scene, SceneSource, View};
 pub struct RenderJob {
     /// A Gaussian PLY file.
     pub model: PathBuf,
+    /// The scene or camera file whose cameras are rendered.
     pub cameras: CameraSource,
     /// The views to render; None: a scene's test views, or every camera of a file.
     pub views: Option<ViewSelection>,
+    /// Folder for the images; created if it is not there.
     pub out: PathBuf,
+    /// File format of the colour images.
     pub format: RenderFormat,
     /// Expected depth beside each image, 32-bit float EXR, in the scene's unit.
     pub depth: bool,
@@ -57,6 +60,7 @@ pub struct RenderJob {
 /// What `render` takes its cameras from.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraSource {
+    /// A scene as `--scene` takes it: it has training, test and virtual views.
     Scene(SceneSource),
     /// A run's `cameras.json`.
     File(PathBuf),
@@ -65,9 +69,13 @@ pub enum CameraSource {
 /// Which cameras `render` renders.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ViewSelection {
+    /// A scene's training views; refused for a camera file.
     Train,
+    /// A scene's test views; refused for a camera file.
     Test,
+    /// The virtual views: drawn anew for a scene, those of the run for a camera file.
     Virtual,
+    /// Views by name, in this order.
     Names(Vec<String>),
     /// So many views around the focus; they become an animation, too.
     Orbit(u32),
@@ -117,6 +125,7 @@ impl Default for Clock {
 }
 
 impl Clock {
+    /// Starts the clock and its first lap.
     pub fn start() -> Clock {
         let now = Instant::now();
         Clock {

@@ -33,6 +33,7 @@ const MIN_SPREAD: f64 = 1e-6;
 
 /// What training starts from.
 pub struct Prepared {
+    /// From the scene's own frame to the canonical one.
     pub frame: Frame,
     /// The cloud that all of this is made from, where it is not the scene's own.
     pub carved: Option<Carved>,

@@ -84,6 +84,7 @@ pub struct GoOn {
 
 /// What [`TrainJob::resume`] did.
 pub struct Resumed {
+    /// The run, still locked for this process.
     pub run: RunDir,
     /// None where the run was finished already.
     pub evaluation: Option<Evaluation>,
