@@ -28,15 +28,20 @@ const BOX_LINE: u32 = 2;
 /// A part of a picture, pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Window {
+    /// Its left column, from 0.
     pub x: u32,
+    /// Its upper row, from 0.
     pub y: u32,
+    /// Number of columns.
     pub width: u32,
+    /// Number of rows.
     pub height: u32,
 }
 
 /// A view by every method.
 #[derive(Clone, Debug)]
 pub struct GridRow {
+    /// The text above the row, which names the view.
     pub label: String,
     /// The photograph.
     pub truth: Image,

@@ -5,6 +5,7 @@ use serde::Serialize;
 /// What several runs measured.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Figure {
+    /// Arithmetic mean.
     pub mean: f64,
     /// Sample standard deviation; none of a single value.
     pub deviation: Option<f64>,

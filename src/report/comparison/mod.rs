@@ -19,7 +19,9 @@ const MAX_NAMED: usize = 4;
 /// Runs grouped into scenes and rows, in the order of their first appearance.
 #[derive(Debug)]
 pub struct Comparison<'a> {
+    /// All that are compared, in the order in which they were given.
     pub runs: &'a [ComparedRun],
+    /// One for each scene with its set of test images.
     pub blocks: Vec<Block<'a>>,
 }
 
@@ -28,6 +30,7 @@ pub struct Comparison<'a> {
 pub struct Block<'a> {
     /// `garden (320x213, 20 test views)`.
     pub scene: String,
+    /// One for each method with its settings.
     pub rows: Vec<Row<'a>>,
 }
 
@@ -36,6 +39,7 @@ pub struct Block<'a> {
 pub struct Row<'a> {
     /// The method, and those settings in which the compared runs differ.
     pub label: String,
+    /// One for each seed.
     pub runs: Vec<&'a ComparedRun>,
 }
 
@@ -157,6 +161,7 @@ impl<'a> Row<'a> {
         &self.runs[0].metrics.scene.train_views
     }
 
+    /// Returns mean and deviation of `value` over the row's runs; `None` if a run lacks it.
     pub fn figure(&self, value: impl Fn(&ComparedRun) -> Option<f64>) -> Option<Figure> {
         Figure::of(self.runs.iter().map(|run| value(run)))
     }

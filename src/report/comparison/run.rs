@@ -15,8 +15,11 @@ pub struct ComparedRun {
     pub method: String,
     /// `key=value` of every value that differs from the preset's.
     pub changes: Vec<String>,
+    /// The resolved config of the run.
     pub config: Config,
+    /// What its training did: `metrics.json`.
     pub metrics: Metrics,
+    /// Its errors at the test views: `eval.json`.
     pub evaluation: Evaluation,
     measured: Measured,
 }
@@ -63,6 +66,7 @@ impl ComparedRun {
         &self.name
     }
 
+    /// How the test views were measured, which decides what compares.
     pub fn measured(&self) -> &Measured {
         &self.measured
     }

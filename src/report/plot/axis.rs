@@ -20,11 +20,13 @@ enum Kind {
 /// An axis with its label, which names the unit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
+    /// The text along the axis: the quantity, with its unit.
     pub label: String,
     kind: Kind,
 }
 
 impl Axis {
+    /// An axis on which equal differences have equal lengths.
     pub fn linear(label: &str) -> Axis {
         Axis {
             label: label.to_owned(),

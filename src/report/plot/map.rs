@@ -22,6 +22,7 @@ const CELL: i32 = 6;
 pub struct MapMark {
     /// For the legend.
     pub name: String,
+    /// Unit vectors from the map's centre.
     pub directions: Vec<DVec3>,
     /// Red, green, blue.
     pub color: [u8; 3],
@@ -31,6 +32,7 @@ pub struct MapMark {
 
 /// Values over the unit sphere, azimuth to the right and elevation up (equirectangular).
 pub struct SphereMap<'a> {
+    /// The text above the map.
     pub title: String,
     /// What the colours say, with its unit.
     pub color_label: String,
@@ -41,6 +43,7 @@ pub struct SphereMap<'a> {
     pub range: Option<Range<f64>>,
     /// Up is at the top of the map, the front in its middle.
     pub compass: Compass,
+    /// Drawn over the map in this order.
     pub marks: Vec<MapMark>,
 }
 

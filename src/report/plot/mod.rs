@@ -42,12 +42,16 @@ const COLORS: [RGBColor; 7] = [
 /// A place in a plot; `spread` is half the length of its error bar, in units of `y`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
+    /// Value on the first axis.
     pub x: f64,
+    /// Value on the second axis.
     pub y: f64,
+    /// Half the length of the error bar; `None` for a point without one.
     pub spread: Option<f64>,
 }
 
 impl Point {
+    /// A point without an error bar.
     pub fn new(x: f64, y: f64) -> Point {
         Point { x, y, spread: None }
     }
@@ -69,16 +73,22 @@ pub enum Style {
 pub struct Series {
     /// For the legend; an empty name is not listed.
     pub name: String,
+    /// In the order in which a curve joins them.
     pub points: Vec<Point>,
+    /// How they are drawn.
     pub style: Style,
 }
 
 /// A plot of series over two axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plot {
+    /// The text above the plot.
     pub title: String,
+    /// The horizontal axis.
     pub x: Axis,
+    /// The vertical axis.
     pub y: Axis,
+    /// Drawn in this order, the last on top.
     pub series: Vec<Series>,
     /// What the colours of [`Style::Colored`] say, with its unit.
     pub color_label: String,
@@ -89,6 +99,7 @@ type Coordinates = Cartesian2d<Places, Places>;
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Coordinates>;
 
 impl Plot {
+    /// A plot without a series; [`Plot::with`] adds them.
     pub fn new(title: &str, x: Axis, y: Axis) -> Plot {
         Plot {
             title: title.to_owned(),
