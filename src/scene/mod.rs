@@ -52,8 +52,11 @@ pub struct Scene {
     pub name: String,
     /// What was taken from where, one line for the log.
     pub source: String,
+    /// Training views, with their photographs.
     pub train: Vec<View>,
+    /// Test views, which errors are measured at.
     pub test: Vec<View>,
+    /// The cloud that training starts from, in the frame of the cameras.
     pub cloud: PointCloud,
     /// A sample of the cloud as it was where masks have dropped some of its points.
     pub whole_cloud: Option<PointCloud>,
@@ -66,7 +69,9 @@ pub struct Scene {
 /// One photograph and its camera.
 #[derive(Clone, Debug)]
 pub struct View {
+    /// Pose and intrinsics, at the image's size.
     pub camera: Camera,
+    /// The photograph, decoded and at the size that the limits ask for.
     pub image: Image,
     /// The subject, if the scene says what it is.
     pub mask: Option<Mask>,
@@ -116,6 +121,7 @@ impl View {
 pub struct Mask {
     /// `height * width`, row 0 on top.
     pub set: Vec<bool>,
+    /// How the pixels that are not set are treated.
     pub outside: Outside,
 }
 
@@ -133,7 +139,9 @@ pub enum Outside {
 /// An 8-bit RGB image, row 0 on top.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
+    /// Columns of pixels.
     pub width: u32,
+    /// Rows of pixels.
     pub height: u32,
     /// `height * width * 3` bytes, sRGB as stored.
     pub rgb: Vec<u8>,
@@ -152,6 +160,7 @@ impl Image {
 /// A DUSt3R-style point cloud in the scene's own frame; all arrays have one entry a point.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PointCloud {
+    /// Places in the scene's own frame and unit.
     pub positions: Vec<DVec3>,
     /// 8-bit sRGB.
     pub colors: Vec<[u8; 3]>,
@@ -160,10 +169,12 @@ pub struct PointCloud {
 }
 
 impl PointCloud {
+    /// The number of points.
     pub fn len(&self) -> usize {
         self.positions.len()
     }
 
+    /// Whether there is no point.
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
     }

@@ -22,12 +22,14 @@ const BLANK_LEVELS: u8 = 2;
 pub struct PhotographFile {
     /// Its name in the scene: relative to the folder that was given, or the file's own.
     pub name: String,
+    /// The file, as it is opened.
     pub path: PathBuf,
 }
 
 /// A decoded photograph, upright.
 #[derive(Clone, Debug)]
 pub struct Photograph {
+    /// The pixels, turned as the EXIF says.
     pub image: Image,
     /// Whether the pixels on disk lie otherwise.
     pub turned: bool,

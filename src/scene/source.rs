@@ -16,9 +16,11 @@ pub const DEFAULT_BUILTIN_WIDTH: u32 = 320;
 /// `./builtin`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SceneSource {
+    /// A scene on disk: one folder in a format that is read.
     Folder(PathBuf),
     /// The built-in scene with images `width` pixels wide.
     Builtin {
+        /// Image width, pixels; the height is two thirds of it.
         width: u32,
     },
 }

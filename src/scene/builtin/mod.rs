@@ -50,6 +50,7 @@ pub struct BuiltinOptions {
     /// The cloud has a point for every so-many-th pixel of its views, in x and in y;
     /// at 1, the density of DUSt3R, it has about as many points as there are training pixels.
     pub pixel_step: u32,
+    /// How the cloud errs, as a network's does.
     pub imperfections: Imperfections,
 }
 

@@ -23,6 +23,7 @@ const SPAN: usize = 16;
 pub enum Hit {
     /// The dome around everything.
     Backdrop,
+    /// The plane `z = 0`.
     Floor,
     /// The n-th object.
     Object(u8),
@@ -32,11 +33,13 @@ pub enum Hit {
 /// pixel's centre; `height * width` entries each, row 0 on top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Traced {
+    /// What [`render`] makes of the same camera.
     pub image: Image,
     /// Camera z of the first hit, world units. Always finite: the scene is closed.
     pub depth: Vec<f64>,
     /// Unit normal towards the camera's side, world.
     pub normal: Vec<DVec3>,
+    /// The surface that the ray met first.
     pub hit: Vec<Hit>,
 }
 
