@@ -63,6 +63,7 @@ pub enum StudyName {
 }
 
 impl StudyName {
+    /// The name as the command line takes it, and the folder's.
     pub fn name(self) -> &'static str {
         match self {
             StudyName::Ablation => "ablation",

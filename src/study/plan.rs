@@ -11,12 +11,17 @@ use crate::scene::{Scene, SceneSource};
 /// What all runs of a study share.
 #[derive(Clone, Debug)]
 pub struct Options {
+    /// Every variant is trained on each.
     pub scenes: Vec<SceneSource>,
     /// Run directories go to its `runs/`, which studies with the same options may share.
     pub out: PathBuf,
+    /// One run of each variant for every seed.
     pub seeds: Vec<u64>,
+    /// Iterations of the preset `paper`, others in proportion; `None`: as it has them itself.
     pub iterations: Option<u32>,
+    /// Longest image side, pixels; `None`: as the preset has it.
     pub max_size: Option<u32>,
+    /// Points that training starts from at most; `None`: as the preset has it.
     pub max_points: Option<usize>,
     /// `key=value` for every run. They change what the presets share; what makes a preset or a
     /// variant what it is stays.

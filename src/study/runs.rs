@@ -26,6 +26,7 @@ pub enum State {
     ToTrain,
     /// Trained, but not measured as asked for.
     ToMeasure,
+    /// Trained and measured as asked for.
     Done,
 }
 

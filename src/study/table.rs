@@ -9,13 +9,16 @@ use crate::terminal::Table;
 /// A column: its name in files, its heading on paper.
 #[derive(Clone, Copy, Debug)]
 pub struct Column {
+    /// Name of the column in CSV and JSON.
     pub key: &'static str,
+    /// Heading in Markdown.
     pub heading: &'static str,
     /// Digits after the point; None for text.
     pub digits: Option<usize>,
 }
 
 impl Column {
+    /// A column of words.
     pub const fn text(key: &'static str, heading: &'static str) -> Column {
         Column {
             key,
@@ -24,6 +27,7 @@ impl Column {
         }
     }
 
+    /// A column of numbers, with `digits` after the point in Markdown.
     pub const fn figure(key: &'static str, heading: &'static str, digits: usize) -> Column {
         Column {
             key,
@@ -36,6 +40,7 @@ impl Column {
 /// What stands in a row under a column of its kind.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cell {
+    /// Words, shown as they are.
     Text(String),
     /// None: not measured.
     Figure(Option<Figure>),
@@ -64,11 +69,14 @@ impl From<Option<Figure>> for Cell {
 pub struct DataTable {
     /// Name of its files.
     pub name: String,
+    /// From left to right.
     pub columns: Vec<Column>,
+    /// From top to bottom; each has one cell a column.
     pub rows: Vec<Vec<Cell>>,
 }
 
 impl DataTable {
+    /// A table without rows.
     pub fn new(name: &str, columns: &[Column]) -> DataTable {
         DataTable {
             name: name.to_owned(),
@@ -77,6 +85,7 @@ impl DataTable {
         }
     }
 
+    /// Appends a row, which has one cell a column.
     pub fn row(&mut self, cells: impl IntoIterator<Item = Cell>) {
         self.rows.push(cells.into_iter().collect());
     }
