@@ -24,9 +24,13 @@ pub struct Prepared {
 /// Images of one size, normalised: `[views][3][height][width]`.
 #[derive(Clone, Debug)]
 pub struct Images {
+    /// Number of images.
     pub n_views: usize,
+    /// Rows of each image, a multiple of [`PATCH_PX`].
     pub height: usize,
+    /// Columns of each image, a multiple of [`PATCH_PX`].
     pub width: usize,
+    /// Levels in [0, 1], less ImageNet's mean and over its deviation, channel by channel.
     pub values: Vec<f32>,
     placed: Vec<Placed>,
 }

@@ -7,12 +7,14 @@ use super::model::Model;
 /// Bytes that a prediction takes at its peak.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Memory {
+    /// The parameters, four bytes each.
     pub weights: u64,
     /// Images, tokens, attention and features.
     pub activations: u64,
 }
 
 impl Memory {
+    /// Both together; saturates.
     pub fn total(&self) -> u64 {
         self.weights.saturating_add(self.activations)
     }

@@ -70,6 +70,7 @@ pub struct Prediction {
 /// What it finds for one view.
 #[derive(Clone, Debug)]
 pub struct ViewPrediction {
+    /// Camera as the network encodes it; [`decode`] makes a camera of it.
     pub pose: PoseEncoding,
     /// `[height][width]`, above 0.
     pub depth: Vec<f32>,
@@ -82,7 +83,9 @@ pub struct ViewPrediction {
 /// A coarser grid of rays, `[height][width]`.
 #[derive(Clone, Debug)]
 pub struct Rays {
+    /// Rows of the grid.
     pub height: usize,
+    /// Columns of the grid.
     pub width: usize,
     /// Direction, on the plane at depth 1 after division, and origin of each.
     pub rays: Vec<[f32; 6]>,
@@ -135,6 +138,7 @@ impl Network {
         })
     }
 
+    /// The sizes of the network, told from its weights.
     pub fn model(&self) -> &Model {
         &self.model
     }

@@ -21,7 +21,9 @@ const WIDEST_FREE: usize = 768;
 pub struct Model {
     /// Width of the embedding.
     pub channels: usize,
+    /// Attention heads of a block.
     pub n_heads: usize,
+    /// Blocks of the transformer.
     pub n_blocks: usize,
     /// First block with camera tokens, turned queries and keys, and attention over all views.
     pub alt_start: usize,
@@ -29,6 +31,7 @@ pub struct Model {
     pub outputs: [usize; 4],
     /// Channels of the head's maps.
     pub features: usize,
+    /// Channels of the four projections in the head, one for each of `outputs`.
     pub out_channels: [usize; 4],
     /// Numbers in the file of weights.
     pub n_parameters: u64,
