@@ -8,6 +8,7 @@ use std::fmt::{self, Display};
 /// What a key may be, and what a reader should know beside its meaning.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rule {
+    /// The numbers that pass validation.
     pub allowed: Allowed,
     /// Unit where the key's name has none; empty for a plain number.
     pub unit: &'static str,
@@ -20,6 +21,7 @@ pub struct Rule {
 pub enum Allowed {
     /// Whatever the type holds.
     Any,
+    /// Any number of the interval.
     Interval(Interval),
     /// 0, or a number of the interval.
     ZeroOr(Interval),
@@ -30,17 +32,23 @@ pub enum Allowed {
 /// Finite numbers from `low` to `high`; an open end is not one of them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
+    /// The lower end.
     pub low: f64,
+    /// Whether `low` itself is left out.
     pub low_open: bool,
+    /// The upper end; infinite if there is none.
     pub high: f64,
+    /// Whether `high` itself is left out.
     pub high_open: bool,
 }
 
 impl Rule {
+    /// The same rule with a unit for the reference.
     pub const fn unit(self, unit: &'static str) -> Rule {
         Rule { unit, ..self }
     }
 
+    /// The same rule with the paper's symbol or equation for the reference.
     pub const fn paper(self, paper: &'static str) -> Rule {
         Rule { paper, ..self }
     }
