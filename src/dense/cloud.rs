@@ -19,11 +19,15 @@ pub struct CloudOptions {
 /// A cloud, and what was left out of it.
 #[derive(Clone, Debug, Default)]
 pub struct Cloud {
+    /// The points in the world frame, with colour and confidence.
     pub points: PointCloud,
     /// The number of the view that each point came from.
     pub views: Vec<u32>,
+    /// Pixels left out because their confidence is too low or they have no depth.
     pub n_unsure: usize,
+    /// Pixels left out at an edge of depth, where a point would lie between two surfaces.
     pub n_edges: usize,
+    /// Pixels left out because more views see through the point than confirm it.
     pub n_denied: usize,
 }
 

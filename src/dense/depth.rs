@@ -7,10 +7,13 @@ use crate::camera::{Camera, Similarity};
 /// What is known of one view, `[height][width]` at the camera's size.
 #[derive(Clone, Debug)]
 pub struct DepthMap {
+    /// Pose and intrinsics, world frame.
     pub camera: Camera,
     /// Along the viewing direction; not above 0, or not finite, where there is none.
     pub depth: Vec<f32>,
+    /// Larger is surer, on a scale that all views share.
     pub confidence: Vec<f32>,
+    /// RGB, 8-bit sRGB.
     pub colors: Vec<[u8; 3]>,
 }
 
