@@ -30,6 +30,7 @@ use crate::scene::{Image, PointCloud, View};
 /// A carved cloud.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Carved {
+    /// The points that are left.
     pub cloud: PointCloud,
     /// Points removed in each round.
     pub removed: Vec<usize>,

@@ -65,6 +65,7 @@ impl Verdict {
 /// A training view and the cloud.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ViewAgreement {
+    /// Name of the training view.
     pub name: String,
     /// Share of the cloud in front of the camera, 0 to 1.
     pub in_front: f64,
@@ -72,12 +73,14 @@ pub struct ViewAgreement {
     pub in_image: f64,
     /// None where there is too little to tell by.
     pub colors: Option<Colors>,
+    /// What follows from these figures.
     pub verdict: Verdict,
 }
 
 /// Cloud and training views.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Agreement {
+    /// One entry a training view, in the scene's order.
     pub views: Vec<ViewAgreement>,
     /// What does not belong together and the likely cause, one line each.
     pub warnings: Vec<String>,

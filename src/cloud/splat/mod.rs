@@ -41,7 +41,9 @@ use crate::scene::PointCloud;
 /// A splatted image with its mask.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SplatImage {
+    /// Columns of pixels.
     pub width: u32,
+    /// Rows of pixels.
     pub height: u32,
     /// `height * width * 4` bytes, row 0 on top: sRGB as in the cloud and alpha 255 where a
     /// point was drawn; all 0 elsewhere.
