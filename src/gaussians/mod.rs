@@ -37,6 +37,7 @@ const LONE_SCALE: f64 = 0.01;
 /// canonical frame ([`Frame`]) unless said otherwise.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Gaussians {
+    /// Centres.
     pub means: Vec<Vec3>,
     /// Natural logarithm of the standard deviations along the principal axes.
     pub scales_log: Vec<Vec3>,
@@ -46,14 +47,17 @@ pub struct Gaussians {
     pub opacity_logits: Vec<f32>,
     /// Spherical-harmonics coefficients `[i][k][c]`: `n * (sh_degree + 1)^2 * 3`.
     pub sh: Vec<f32>,
+    /// Degree of the spherical harmonics, 0 to 3.
     pub sh_degree: u32,
 }
 
 impl Gaussians {
+    /// The number of Gaussians.
     pub fn len(&self) -> usize {
         self.means.len()
     }
 
+    /// Whether there is no Gaussian.
     pub fn is_empty(&self) -> bool {
         self.means.is_empty()
     }
