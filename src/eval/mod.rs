@@ -50,7 +50,9 @@ impl Alignment {
 pub struct EvalOptions {
     /// Without it LPIPS is not measured.
     pub lpips: Option<Lpips>,
+    /// Whether renders are rounded to 8 bit before they are measured.
     pub renders: Renders,
+    /// How the test cameras come into the model's frame.
     pub align: Alignment,
 }
 

@@ -6,6 +6,7 @@ use crate::scene::PointCloud;
 /// Means over cameras of one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseErrors {
+    /// Angle between the true and the other rotation, degrees.
     pub turn_deg: f64,
     /// How far the optical centre is off, in shares of the sphere's radius.
     pub shift: f64,
