@@ -78,6 +78,7 @@ impl Error {
         }
     }
 
+    /// What went wrong in kind, which decides the exit code.
     pub fn kind(&self) -> ErrorKind {
         self.kind
     }
