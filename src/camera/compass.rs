@@ -16,8 +16,8 @@ pub struct Compass {
 }
 
 impl Compass {
-    /// The compass whose `up` and `front` point so, of any length; a front straight above or below says
-    /// nothing, and any other is taken for it.
+    /// Builds the compass from an `up` and a `front` of any length. Only the level part of `front`
+    /// counts; if it points straight up or down, any level direction is the front.
     ///
     /// # Errors
     /// `up` has no direction.
@@ -36,11 +36,11 @@ impl Compass {
         })
     }
 
-    /// Up is the cameras' mean up, and the front is where the first of them stands. Cameras whose
-    /// ups cancel out leave the up of the first.
+    /// Builds the compass of a set of cameras: up is their mean up, and the front is where the
+    /// first of them stands. If their ups cancel out, the up of the first counts.
     ///
     /// # Errors
-    /// No camera.
+    /// There is no camera.
     pub fn of_cameras(cameras: &[Camera], focus: DVec3) -> Result<Compass> {
         let Some(first) = cameras.first() else {
             return Err(Error::new("no training camera says which way is up"));
@@ -54,7 +54,7 @@ impl Compass {
         Compass::new(up, first.center() - focus)
     }
 
-    /// Azimuth in (-180, 180] and elevation in [-90, 90] of a unit direction, degrees.
+    /// Returns azimuth in (-180, 180] and elevation in [-90, 90] of a unit direction, degrees.
     pub fn angles(&self, direction: DVec3) -> (f64, f64) {
         let [x, y, z] = self.local(direction).to_array();
         (
@@ -63,24 +63,25 @@ impl Compass {
         )
     }
 
-    /// The unit direction at an azimuth and an elevation, degrees.
+    /// Returns the unit direction at an azimuth and an elevation, degrees.
     pub fn direction(&self, azimuth: f64, elevation: f64) -> DVec3 {
         let (sin, cos) = azimuth.to_radians().sin_cos();
         let (height, level) = elevation.to_radians().sin_cos();
         (self.axes[0] * cos + self.axes[1] * sin) * level + self.axes[2] * height
     }
 
-    /// Components along front, right and up.
+    /// Returns the components along front, right and up.
     pub fn local(&self, direction: DVec3) -> DVec3 {
         DVec3::from_array(self.axes.map(|axis| axis.dot(direction)))
     }
 
+    /// Returns the unit up direction, in the frame of the cameras.
     pub fn up(&self) -> DVec3 {
         self.axes[2]
     }
 
-    /// Unit directions in the middles of the cells of an equirectangular map: rows from the zenith
-    /// down, columns from azimuth -180 upwards, twice as many as rows.
+    /// Returns unit directions in the middles of the cells of an equirectangular map: rows from the
+    /// zenith down, columns from azimuth -180 upwards, twice as many as rows.
     pub fn grid(&self, n_rows: usize) -> Vec<DVec3> {
         let step = PI / n_rows as f64;
         let cells = (0..n_rows).flat_map(|row| (0..2 * n_rows).map(move |column| (row, column)));

@@ -21,7 +21,7 @@ struct Entry {
     height: u32,
     /// Optical centre in the world, `-R^T t`.
     position: [f64; 3],
-    /// What is to be added to the position: the PLY beside it is stored without it, too.
+    /// Vector to add to the position; the PLY beside the file is stored without it, too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     offset: Option<[f64; 3]>,
     /// Rows of the camera-to-world rotation, `R^T`.
@@ -33,11 +33,12 @@ struct Entry {
     cy: Option<f64>,
 }
 
-/// Writes cameras in the world frame, `offset` taken out of their positions as of those of the
-/// Gaussians beside them ([`crate::camera::Frame::offset`]) and noted where it is not zero.
+/// Writes cameras in the world frame. `offset` is taken out of their positions, as it is out of
+/// those of the Gaussians beside them ([`crate::camera::Frame::offset`]), and noted if it is not
+/// zero.
 ///
 /// # Errors
-/// What keeps the file from being written.
+/// The file cannot be written.
 pub fn write_cameras(path: &Path, cameras: &[Camera], offset: DVec3) -> Result<()> {
     let entries: Vec<Entry> = cameras
         .iter()
@@ -65,7 +66,8 @@ pub fn write_cameras(path: &Path, cameras: &[Camera], offset: DVec3) -> Result<(
 /// Reads cameras in the world frame, in the file's order; `cx`, `cy` default to the centre.
 ///
 /// # Errors
-/// No JSON, or an entry that is no camera; both name the file, and the line or the entry.
+/// The file cannot be read or is no JSON list of cameras, or an entry is no camera or repeats a
+/// name. The error names the file, and the line or the entry.
 pub fn read_cameras(path: &Path) -> Result<Vec<Camera>> {
     let bytes = read_file(path)?;
     let entries: Vec<Value> = serde_json::from_slice(&bytes)

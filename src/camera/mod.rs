@@ -1,4 +1,4 @@
-//! Pinhole cameras. World-to-camera, +z forward, y down, pixel centres at +0.5.
+//! Pinhole cameras: world-to-camera poses, +z forward, y down, pixel centres at +0.5.
 
 pub mod compass;
 pub mod json;
@@ -18,11 +18,17 @@ use crate::error::{Error, Result};
 pub struct Camera {
     /// The view's name: its image's file name, or `virtual_000`.
     pub name: String,
+    /// Image width, pixels.
     pub width: u32,
+    /// Image height, pixels.
     pub height: u32,
+    /// Focal length along x, pixels.
     pub fx: f64,
+    /// Focal length along y, pixels.
     pub fy: f64,
+    /// Principal point, pixels from the image's left edge.
     pub cx: f64,
+    /// Principal point, pixels from the image's top edge.
     pub cy: f64,
     /// World-to-camera rotation.
     pub rotation: DMat3,
@@ -31,41 +37,43 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// The optical centre in the world, `o = -R^T t`.
+    /// Returns the optical centre in the world, `o = -R^T t`.
     pub fn center(&self) -> DVec3 {
         -(self.rotation.transpose() * self.translation)
     }
 
-    /// Unit viewing direction in the world (the camera's +z).
+    /// Returns the unit viewing direction in the world (the camera's +z).
     pub fn forward(&self) -> DVec3 {
         self.rotation.row(2)
     }
 
-    /// Unit up direction in the world (the camera's -y).
+    /// Returns the unit up direction in the world (the camera's -y).
     pub fn up(&self) -> DVec3 {
         -self.rotation.row(1)
     }
 
-    /// Geometric mean of the focal lengths, pixels.
+    /// Returns the geometric mean of the focal lengths, pixels.
     pub fn mean_focal(&self) -> f64 {
         (self.fx * self.fy).sqrt()
     }
 
-    /// The pixel that a point of the world falls on, and its depth.
+    /// Returns the place in the image that a point of the world falls on, pixels, and its depth,
+    /// world units. The place means nothing unless the depth is positive.
     pub fn project(&self, p: DVec3) -> (DVec2, f64) {
         let q = self.rotation * p + self.translation;
         let pixel = DVec2::new(self.fx * q.x / q.z + self.cx, self.fy * q.y / q.z + self.cy);
         (pixel, q.z)
     }
 
-    /// Angle between the orientations of two cameras, radians, and distance between their centres.
+    /// Returns the angle between the orientations of two cameras, radians, and the distance between
+    /// their centres, world units.
     pub fn difference(&self, other: &Camera) -> (f64, f64) {
         let [a, b] = [self, other].map(|camera| DQuat::from_mat3(&camera.rotation));
         (a.angle_between(b), self.center().distance(other.center()))
     }
 
-    /// A camera at `eye` that looks at `target` with `up` (world, any length) upwards in the
-    /// image, and the intrinsics of `self`. `up` must not be parallel to the viewing direction.
+    /// Returns a camera at `eye` that looks at `target` with `up` (world, any length) upwards in
+    /// the image, and the intrinsics of `self`. `up` must not be parallel to the viewing direction.
     pub fn looking_at(&self, name: String, eye: DVec3, target: DVec3, up: DVec3) -> Camera {
         let z = (target - eye).normalize();
         let x = z.cross(up).normalize();
@@ -79,9 +87,10 @@ impl Camera {
         }
     }
 
-    /// The camera after the motion `(w, v)`: what lies at `p` in its axes lies at `exp([w]x) p + v`
-    /// afterwards. So what it sees turns by `w` (radians) about the optical centre and then shifts by
-    /// `v` (world units, along the camera's axes); in the world the camera moves the other way.
+    /// Returns the camera after the motion `(w, v)`: what lies at `p` in its axes lies at
+    /// `exp([w]x) p + v` afterwards. So what it sees turns by `w` (radians) about the optical
+    /// centre and then shifts by `v` (world units, along the camera's axes); in the world the
+    /// camera moves the other way.
     pub fn moved(&self, [x, y, z, shift @ ..]: [f64; 6]) -> Camera {
         let turn = DQuat::from_scaled_axis(DVec3::new(x, y, z));
         let rotation = DQuat::from_mat3(&self.rotation);
@@ -93,7 +102,7 @@ impl Camera {
         }
     }
 
-    /// The same camera for an image of another size: intrinsics scale with it.
+    /// Returns the same camera for an image of another size, pixels; intrinsics scale with it.
     pub fn resized(&self, width: u32, height: u32) -> Camera {
         let (sx, sy) = (
             f64::from(width) / f64::from(self.width),
@@ -110,7 +119,7 @@ impl Camera {
         }
     }
 
-    /// The same camera for an image whose longer side is at most `px`.
+    /// Returns the same camera for an image whose longer side is at most `px`.
     pub fn at_most(&self, px: u32) -> Camera {
         let size = (self.width, self.height);
         let (width, height) = bounded_size(size, self.width.max(self.height), px);
@@ -118,12 +127,13 @@ impl Camera {
     }
 }
 
-/// How far `R^T R` may be from the identity, in any entry: files hold few digits.
+/// Largest entry of `R^T R - I` that is taken for rounding: files hold few digits.
 const ROTATION_TOLERANCE: f64 = 1e-3;
-/// Up to here, f32's rounding, a matrix is taken as it is: what was written is what is read.
+/// Up to here, which is f32's rounding, a matrix is taken as it is, so that what was written is
+/// read.
 const ROUNDING: f64 = 3e-7;
 
-/// The rotation that a matrix from a file stands for; none where it is no rotation.
+/// Returns the rotation that a matrix from a file stands for; `None` if it is no rotation.
 pub fn nearest_rotation(matrix: DMat3) -> Option<DMat3> {
     let error = matrix.transpose() * matrix - DMat3::IDENTITY;
     let within = |bound| error.to_cols_array().iter().all(|v| v.abs() <= bound);
@@ -137,13 +147,16 @@ pub fn nearest_rotation(matrix: DMat3) -> Option<DMat3> {
     })
 }
 
-/// Focal lengths that some lens has, pixels: beyond them scaled images and f32 squares lose them.
+/// Focal lengths that are accepted, pixels; beyond these, scaled images and squares in f32 lose
+/// them.
 const FOCAL_LENGTHS: RangeInclusive<f64> = 1e-3..=1e9;
-/// How far the principal point may be off the image's corner, pixels.
+/// Largest distance of the principal point from the image's corner along an axis, pixels.
 const MAX_PRINCIPAL: f64 = 1e9;
 
+/// Checks the focal lengths `[fx, fy]` and the principal point `[cx, cy]`, pixels.
+///
 /// # Errors
-/// A focal length or a principal point (pixels) that no lens has, NaN among them.
+/// One of them is a value that no lens has, such as NaN: names it and what is allowed.
 pub fn check_lens(focal: [f64; 2], principal: [f64; 2]) -> Result<()> {
     for (key, value) in ["fx", "fy"].iter().zip(focal) {
         if !FOCAL_LENGTHS.contains(&value) {
@@ -164,8 +177,8 @@ pub fn check_lens(focal: [f64; 2], principal: [f64; 2]) -> Result<()> {
     Ok(())
 }
 
-/// A size scaled so that `side`, one of its lengths, comes down to `bound`; as it is where it is
-/// within. The other length is rounded to the nearest pixel and at least 1.
+/// Returns a size scaled so that `side`, one of its lengths, comes down to `bound`; the size itself
+/// if `side` is within. The other length is rounded to the nearest pixel and at least 1.
 pub fn bounded_size((width, height): (u32, u32), side: u32, bound: u32) -> (u32, u32) {
     if side <= bound {
         return (width, height);
@@ -185,41 +198,49 @@ pub fn bounded_size((width, height): (u32, u32), side: u32, bound: u32) -> (u32,
 /// scene's unit or on where its origin lies. Directions, and so SH, are the same in both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
+    /// Centre of the sphere, which is the focus, in the scene's own frame.
     pub center: DVec3,
+    /// Radius `R` of the sphere, world units.
     pub radius: f64,
-    /// The scene's extent, at most `radius`, world units: [`Focus::extent`](crate::field::Focus::extent).
+    /// The scene's extent, at most `radius`, world units:
+    /// [`Focus::extent`](crate::field::Focus::extent).
     pub extent: f64,
 }
 
-/// Share of the radius that stored positions may be off by.
+/// Rounding of stored positions that is allowed, as a share of the radius.
 const MAX_ROUNDING: f64 = 1e-5;
 
 impl Frame {
+    /// The frame of a scene that is canonical as it is.
     pub const IDENTITY: Frame = Frame {
         center: DVec3::ZERO,
         radius: 1.0,
         extent: 1.0,
     };
 
-    /// The near plane, canonical, that lies at a `share` of the scene's extent. It is one of the extent and not
-    /// of `R`: one camera far away must not clip what the others see.
+    /// Returns the near plane, in canonical units, that lies at a `share` of the scene's extent.
+    /// The extent counts and not `R`, so that one camera far away does not clip what the others
+    /// see.
     pub fn near(&self, share: f64) -> f64 {
         share * (self.extent / self.radius)
     }
 
+    /// Takes a position from the scene's own frame to the canonical one.
     pub fn to_canonical(&self, p: DVec3) -> DVec3 {
         (p - self.center) / self.radius
     }
 
+    /// Takes a position from the canonical frame to the scene's own.
     pub fn to_world(&self, p: DVec3) -> DVec3 {
         p * self.radius + self.center
     }
 
-    /// What is taken out of positions before they are stored in f32: zero, and so nothing, where a
-    /// scene lies near its origin; far from it (UTM coordinates, say) the centre, in round numbers.
+    /// Returns what is taken out of positions before they are stored in f32: zero, and so nothing,
+    /// if the scene lies near its origin; far from it (UTM coordinates, say) the centre, in round
+    /// numbers.
     ///
-    /// It is needed where f32 rounds positions about the centre by more than 1e-5 of the radius: pixels
-    /// are about a thousandth of it, and Gaussians smaller.
+    /// This is needed if f32 rounds positions about the centre by more than 1e-5 of the radius:
+    /// pixels are about a thousandth of it, and Gaussians smaller.
     pub fn offset(&self) -> DVec3 {
         let rounding = self.center.abs().max_element() * f64::from(f32::EPSILON) / 2.0;
         if rounding <= MAX_ROUNDING * self.radius {
@@ -234,7 +255,7 @@ impl Frame {
         (self.center * n).round() / n
     }
 
-    /// The camera seen from the canonical frame; its image is the same.
+    /// Returns the camera seen from the canonical frame; its image is the same.
     pub fn camera_to_canonical(&self, camera: &Camera) -> Camera {
         let eye = self.to_canonical(camera.center());
         Camera {

@@ -10,26 +10,30 @@ use crate::error::{Error, Result};
 /// mean squares) leave the turn about it open.
 const MIN_SPREAD: f64 = 0.01;
 
-/// `x' = scale rotation x + translation`.
+/// A similarity from an old frame to a new one, `x' = scale rotation x + translation`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Similarity {
+    /// Length in the new frame of one unit of the old one.
     pub scale: f64,
+    /// Rotation from the old frame's axes to the new one's.
     pub rotation: DMat3,
+    /// Position of the old frame's origin, in the new one.
     pub translation: DVec3,
 }
 
 impl Similarity {
+    /// The similarity that leaves everything as it is.
     pub const IDENTITY: Similarity = Similarity {
         scale: 1.0,
         rotation: DMat3::IDENTITY,
         translation: DVec3::ZERO,
     };
 
-    /// The similarity that takes the points `from` nearest to those in `to`, pair by pair, in the
-    /// sum of squares (Umeyama 1991, eqs. 40-42).
+    /// Returns the similarity that takes the points `from` nearest to those in `to`, pair by pair,
+    /// in the sum of squares (Umeyama 1991, eqs. 40-42).
     ///
     /// # Errors
-    /// Fewer than three pairs, or points on a line.
+    /// There are fewer than three pairs, or the points lie on a line or are not finite.
     pub fn between(from: &[DVec3], to: &[DVec3]) -> Result<Similarity> {
         let n = from.len().min(to.len());
         if n < 3 {
@@ -65,11 +69,12 @@ impl Similarity {
         })
     }
 
+    /// Takes a position from the old frame to the new one.
     pub fn point(&self, p: DVec3) -> DVec3 {
         self.scale * (self.rotation * p) + self.translation
     }
 
-    /// The camera that sees in the new frame what `camera` sees in the old one.
+    /// Returns the camera that sees in the new frame what `camera` sees in the old one.
     pub fn camera(&self, camera: &Camera) -> Camera {
         let rotation = camera.rotation * self.rotation.transpose();
         Camera {
@@ -79,7 +84,7 @@ impl Similarity {
         }
     }
 
-    /// The canonical frame around the same sphere.
+    /// Returns the canonical frame around the same sphere.
     pub fn frame(&self, frame: &Frame) -> Frame {
         Frame {
             center: self.point(frame.center),
@@ -89,14 +94,14 @@ impl Similarity {
     }
 }
 
-/// `1/n sum a b^T`; singular values come in descending order.
+/// Returns `1/n sum a b^T`; its singular values come in descending order.
 fn covariance(a: &[DVec3], b: &[DVec3]) -> Matrix3<f64> {
     let n = a.len() as f64;
     let sum = |r: usize, c: usize| a.iter().zip(b).map(|(a, b)| a[r] * b[c]).sum::<f64>();
     Matrix3::from_fn(|r, c| sum(r, c) / n)
 }
 
-/// Whether centred points leave every line by enough; not where they are not finite.
+/// Returns whether centred points leave every line by enough; false if they are not finite.
 fn span_a_plane(points: &[DVec3]) -> bool {
     let eigen = SymmetricEigen::new(covariance(points, points));
     let mut variances = [0, 1, 2].map(|i| eigen.eigenvalues[i]);
