@@ -9,12 +9,12 @@ use super::Gpu;
 use super::device::mebibytes;
 use crate::error::{Error, Result};
 
-/// Bytes that are read back at once: a whole block of a large model would take as much memory beside
-/// it, for its first time from the system.
+/// Bytes that are read back at once. A whole block of a large model would take as much memory
+/// beside it, asked of the system for the first time.
 pub const PORTION: usize = 4 << 20;
 
-/// A kind of buffer before there is one: its name, and what its entries take. One description makes
-/// the buffers and says what they will take.
+/// Description of buffers that need not exist yet: their name, and the bytes of an entry. One
+/// description makes the buffers and says what they will take.
 #[derive(Clone, Copy, Debug)]
 pub struct BufferKind {
     name: &'static str,
@@ -23,7 +23,7 @@ pub struct BufferKind {
 }
 
 impl BufferKind {
-    /// Storage buffers of `T`s.
+    /// Describes storage buffers of `T`s.
     pub const fn storage<T>(name: &'static str) -> BufferKind {
         BufferKind {
             name,
@@ -32,7 +32,7 @@ impl BufferKind {
         }
     }
 
-    /// Uniform buffers of one `T`.
+    /// Describes uniform buffers of one `T`.
     pub const fn uniform<T>(name: &'static str) -> BufferKind {
         BufferKind {
             name,
@@ -41,20 +41,22 @@ impl BufferKind {
         }
     }
 
-    /// The name, which is that of the variable in the shaders.
+    /// Returns the name, which is that of the variable in the shaders.
     pub fn name(&self) -> &'static str {
         self.name
     }
 
+    /// Returns true for uniform buffers, false for storage buffers.
     pub fn is_uniform(&self) -> bool {
         self.is_uniform
     }
 
-    /// A buffer for `len` entries, all zero. Storage buffers have room for one entry and 16 bytes at
-    /// least, so that they can be bound.
+    /// Allocates a buffer for `len` entries, all zero. Storage buffers have room for one entry and
+    /// 16 bytes at least, so that they can be bound.
     ///
     /// # Errors
-    /// More bytes than the adapter can bind at once, or memory runs out: names the numbers.
+    /// The buffer takes more bytes than the adapter can bind at once, or memory runs out: names the
+    /// numbers.
     pub fn allocate(&self, gpu: &Gpu, len: usize) -> Result<Buffer> {
         let (label, size) = (self.name, self.entry_bytes);
         if self.is_uniform {
@@ -74,7 +76,7 @@ impl BufferKind {
         Buffer::create(gpu, label, self.bytes(len), usage).held(gpu, label)
     }
 
-    /// Bytes of a buffer for `len` entries, did the adapter hold them.
+    /// Returns the bytes of a buffer for `len` entries, did the adapter hold them.
     pub fn bytes(&self, len: usize) -> u64 {
         let bytes = (len as u64).saturating_mul(self.entry_bytes as u64);
         match self.is_uniform {
@@ -99,7 +101,8 @@ impl Drop for Buffer {
 }
 
 impl Buffer {
-    /// A storage buffer for `len` values of `T`; at least 16 bytes, so that it can be bound.
+    /// Allocates a storage buffer for `len` values of `T`; at least 16 bytes, so that it can be
+    /// bound.
     ///
     /// # Errors
     /// As [`BufferKind::allocate`].
@@ -107,14 +110,17 @@ impl Buffer {
         BufferKind::storage::<T>(label).allocate(gpu, len)
     }
 
-    /// A storage buffer that holds `data`.
+    /// Allocates a storage buffer that holds `data`.
+    ///
+    /// # Errors
+    /// As [`BufferKind::allocate`].
     pub fn storage_from<T: Pod>(gpu: &Gpu, label: &'static str, data: &[T]) -> Result<Buffer> {
         let buffer = Self::storage::<T>(gpu, label, data.len())?;
         buffer.write(gpu, data);
         Ok(buffer)
     }
 
-    /// A uniform buffer for one `T`.
+    /// Allocates a uniform buffer for one `T`.
     pub fn uniform<T: Pod>(gpu: &Gpu, label: &str) -> Buffer {
         Self::create(
             gpu,
@@ -124,26 +130,26 @@ impl Buffer {
         )
     }
 
-    /// A uniform buffer that holds `value`.
+    /// Allocates a uniform buffer that holds `value`.
     pub fn uniform_from<T: Pod>(gpu: &Gpu, label: &str, value: &T) -> Buffer {
         let buffer = Self::uniform::<T>(gpu, label);
         buffer.write(gpu, std::slice::from_ref(value));
         buffer
     }
 
-    /// A buffer of `bytes` bytes that queries resolve into.
+    /// Allocates a buffer of `bytes` bytes that queries resolve into.
     pub(super) fn query_resolve(gpu: &Gpu, bytes: u64) -> Buffer {
         Self::create(gpu, "timestamps", bytes, wgpu::BufferUsages::QUERY_RESOLVE)
     }
 
-    /// A buffer of `bytes` bytes that the host reads.
+    /// Allocates a buffer of `bytes` bytes that the host reads.
     fn readback(gpu: &Gpu, bytes: u64) -> Result<Buffer> {
         let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
         Self::counted(gpu, "readback", bytes, usage).held(gpu, "readback")
     }
 
-    /// The buffer, where there was memory for it. At once, because an unusable buffer brings other
-    /// faults that hide this one.
+    /// Returns the buffer if there was memory for it. It is checked at once, because an unusable
+    /// buffer brings other faults that hide this one.
     fn held(self, gpu: &Gpu, label: &str) -> Result<Buffer> {
         gpu.check_memory()
             .map_err(|e| e.at(format!("buffer `{label}` of {}", mebibytes(self.bytes))))?;
@@ -170,6 +176,7 @@ impl Buffer {
         }
     }
 
+    /// Returns the size, bytes.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
@@ -181,13 +188,20 @@ impl Buffer {
     }
 
     /// Waits for the GPU and reads the first `len` values of `T`.
+    ///
+    /// # Errors
+    /// A GPU fault, or no memory to read into.
     pub fn read<T: Pod>(&self, gpu: &Gpu, len: usize) -> Result<Vec<T>> {
         let mut values = vec![T::zeroed(); len];
         self.read_into(gpu, 0, bytemuck::cast_slice_mut(&mut values))?;
         Ok(values)
     }
 
-    /// Waits for the GPU and reads the bytes from byte `first` on, a multiple of 4, that fill `out`.
+    /// Waits for the GPU and reads the bytes from byte `first` on, a multiple of 4, that fill
+    /// `out`.
+    ///
+    /// # Errors
+    /// A GPU fault, or no memory to read into.
     pub fn read_into(&self, gpu: &Gpu, first: u64, out: &mut [u8]) -> Result<()> {
         if out.is_empty() {
             return Ok(());
@@ -224,13 +238,13 @@ impl Buffer {
         Ok(())
     }
 
-    /// What is held beside a buffer while `bytes` bytes of it are read.
+    /// Returns the bytes that are held beside a buffer while `bytes` bytes of it are read.
     pub fn readback_bytes(bytes: u64) -> u64 {
         bytes.next_multiple_of(4).min(PORTION as u64)
     }
 }
 
-/// What a buffer of `bytes` bytes takes at least, to be bound and copied.
+/// Returns what a buffer of `bytes` bytes takes at least, to be bound and copied.
 fn least(bytes: u64) -> u64 {
     bytes.max(16).next_multiple_of(4)
 }

@@ -6,22 +6,27 @@ use crate::gaussians::SH_0;
 
 /// Threads a workgroup, in every kernel.
 pub const WORKGROUP: u32 = 64;
-/// Tile size, pixels. A thread owns a tile, four pixels a vector.
+/// Width of a tile, pixels. A thread owns a tile, four pixels a vector.
 pub const TILE_W: u32 = 4;
+/// Height of a tile, pixels.
 pub const TILE_H: u32 = 8;
-/// Tiles across and down of a block, within which tiles are ordered: one a thread of a workgroup.
+/// Tiles across a block, within which tiles are ordered: one a thread of a workgroup.
 pub const BLOCK_W: u32 = 16;
+/// Tiles down a block.
 pub const BLOCK_H: u32 = WORKGROUP / BLOCK_W;
-/// Counts a thread sums serially in scans and sums.
+/// Counts that a thread sums serially in scans and sums.
 pub const SCAN_CHUNK: u32 = 32;
 /// Blocks of WORKGROUP chunks that one workgroup scans alone.
 pub const SCAN_FEW: u32 = 4;
-/// Entries a thread of a radix sort moves; below 256. Bits of a digit, and of a depth key.
+/// Entries that a thread of a radix sort moves; below 256, as it counts them in 8 bits.
 pub const RADIX_CHUNK: u32 = 128;
+/// Bits of a radix sort's digit.
 pub const RADIX_BITS: u32 = 4;
+/// Values of a digit.
 pub const RADIX_DIGITS: u32 = 1 << RADIX_BITS;
+/// Bits of a depth key, the key of the sort by depth.
 pub const DEPTH_BITS: u32 = 32;
-/// Sorted pairs a thread looks through for where tiles begin and end.
+/// Sorted pairs that a thread looks through for the ends of tiles.
 pub const RANGE_CHUNK: u32 = 16;
 /// Pairs that a thread emits.
 pub const EMIT_CHUNK: u32 = 16;
@@ -37,24 +42,28 @@ pub const LOOP_TURNS: u32 = 65_535;
 /// Rows of tiles of the tallest image: a thread that emits walks them for each of its splats, two
 /// turns a row, after a search of 32 and 32.
 pub const MOST_TILE_ROWS: u32 = 2000;
-/// Threads in lockstep there may be on a driver that counts turns.
+/// Threads that a driver that counts turns may run in lockstep.
 const LOCKSTEP: u32 = 16;
 const _: () = assert!(
     EMIT_CHUNK * (2 * MOST_TILE_ROWS + 68) + LOCKSTEP * EMIT_CHUNK < LOOP_TURNS,
     "emission ends"
 );
 const _: () = assert!(2 * LIST_SLICE + 2 < LOOP_TURNS, "a slice's two loops end");
-/// Rows a thread of SSIM's vertical passes covers.
+/// Rows that a thread of SSIM's vertical passes covers.
 pub const SSIM_ROWS: u32 = 8;
-/// Slots of the `totals` buffer: pairs of the current view, entries of the current radix sort,
-/// number of the first step whose pairs or lists did not fit (0: none), most pairs of any view seen,
-/// the longest list of those that were too long, the current step's number.
+/// Slot of the `totals` buffer: (tile, Gaussian) pairs of the current view.
 pub const TOTAL_PAIRS: u32 = 0;
+/// Slot of `totals`: entries of the current radix sort.
 pub const TOTAL_DIGITS: u32 = 1;
+/// Slot of `totals`: number of the first step whose pairs or lists did not fit; 0: none.
 pub const TOTAL_OVERFLOW: u32 = 2;
+/// Slot of `totals`: most pairs of any view seen.
 pub const TOTAL_MAX: u32 = 3;
+/// Slot of `totals`: the longest list of those that were too long; 0: none was.
 pub const TOTAL_LONGEST: u32 = 4;
+/// Slot of `totals`: the current step's number.
 pub const TOTAL_STEP: u32 = 5;
+/// Slots of `totals`.
 pub const N_TOTALS: u32 = 6;
 
 /// Low-pass filter added to the 2D covariance's diagonal, square pixels (3DGS).
@@ -72,13 +81,16 @@ pub const RIM: f64 = 1e-3;
 /// The Jacobian's x/z and y/z are bounded to the image plus this share of its size on each side.
 pub const RATIO_MARGIN: f64 = 0.15;
 
+/// SSIM's `C1`, for values in `[0, 1]` (Wang et al. 2004).
 pub const SSIM_C1: f64 = 0.01 * 0.01;
+/// SSIM's `C2`, for values in `[0, 1]`.
 pub const SSIM_C2: f64 = 0.03 * 0.03;
-/// Side and standard deviation of SSIM's Gaussian window, pixels.
+/// Side of SSIM's Gaussian window, pixels.
 pub const SSIM_WINDOW: usize = 11;
+/// Standard deviation of SSIM's Gaussian window, pixels.
 pub const SSIM_SIGMA: f64 = 1.5;
 
-/// SSIM's window, normalised to sum 1.
+/// Returns SSIM's window along one axis, normalised to sum 1.
 pub fn ssim_window() -> [f64; SSIM_WINDOW] {
     let mut window = [0.0; SSIM_WINDOW];
     for (i, w) in window.iter_mut().enumerate() {
@@ -89,7 +101,7 @@ pub fn ssim_window() -> [f64; SSIM_WINDOW] {
     window.map(|w| w / sum)
 }
 
-/// The constants as WGSL declarations, with the active SH degree.
+/// Returns the constants as WGSL declarations, with the active SH degree.
 pub fn prelude(sh_degree: u32) -> String {
     let mut out = String::new();
     for (name, value) in [
@@ -162,7 +174,7 @@ pub fn prelude(sh_degree: u32) -> String {
     out
 }
 
-/// The count of a shader's `#repeat`: a constant's name or a number.
+/// Returns the count of a shader's `#repeat`: a constant's name or a number.
 ///
 /// # Panics
 /// On another name: a fault in this program.

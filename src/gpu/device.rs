@@ -8,11 +8,15 @@ use crate::files::peak_host_bytes;
 
 /// An opened adapter. Cheap to share by reference; all buffers and kernels are made through it.
 pub struct Gpu {
+    /// The wgpu device, opened with all of the adapter's limits.
     pub device: wgpu::Device,
+    /// Queue of `device`, to which all work is submitted.
     pub queue: wgpu::Queue,
+    /// Name, driver, backend and kind of the adapter.
     pub info: wgpu::AdapterInfo,
+    /// Limits of the adapter, which are also those of `device`.
     pub limits: wgpu::Limits,
-    /// What the adapter offers; of it, only timestamps are used, where there are any.
+    /// Features that the adapter offers; only timestamps are used, if it has them.
     pub features: wgpu::Features,
     pub(super) allocated: Arc<AtomicU64>,
     pub(super) peak: AtomicU64,
@@ -21,7 +25,7 @@ pub struct Gpu {
     host_bytes_at_start: u64,
 }
 
-/// What the driver and the validation have reported outside any call.
+/// Faults that the driver and the validation have reported outside any call.
 #[derive(Default)]
 struct Faults {
     /// The first that has not been checked yet.
@@ -77,13 +81,13 @@ impl Gpu {
         })
     }
 
-    /// Peak memory of the process when the adapter was opened, which commands do first: that of the program
-    /// and the driver. 0 where it cannot be told.
+    /// Returns the peak memory of the process when the adapter was opened, which commands do first,
+    /// bytes: that of the program and the driver. 0 if it cannot be told.
     pub fn host_bytes_at_start(&self) -> u64 {
         self.host_bytes_at_start
     }
 
-    /// The adapter's name, driver and kind, for logs and reports.
+    /// Returns the adapter's name, its driver's version and the backend, for logs and reports.
     pub fn describe(&self) -> String {
         let wgpu::AdapterInfo {
             name,
@@ -94,23 +98,23 @@ impl Gpu {
         format!("{name}, {driver_info}, {backend}")
     }
 
-    /// Largest buffer that a kernel can bind, bytes.
+    /// Returns the size of the largest buffer that a kernel can bind, bytes.
     pub fn max_binding(&self) -> u64 {
         binding_limit(&self.limits)
     }
 
-    /// Bytes that this program's buffers hold now.
+    /// Returns the bytes that this program's buffers hold now.
     pub fn live_bytes(&self) -> u64 {
         self.allocated.load(Ordering::Relaxed)
     }
 
-    /// Most bytes that this program's buffers have held at one time.
+    /// Returns the most bytes that this program's buffers have held at one time.
     pub fn peak_bytes(&self) -> u64 {
         self.peak.load(Ordering::Relaxed)
     }
 
-    /// Reports memory as run out once buffers would hold more than `bytes`, as the driver does: for
-    /// tests of what follows, where memory is not to be filled.
+    /// Makes memory count as run out once buffers would hold more than `bytes`, reported as the
+    /// driver reports it. It is for tests of what follows, which then need not fill the memory.
     pub fn limit_memory(&self, bytes: u64) {
         self.memory_limit.store(bytes, Ordering::Relaxed);
     }
@@ -129,7 +133,7 @@ impl Gpu {
     /// Waits until all submitted work is done.
     ///
     /// # Errors
-    /// What [`Gpu::check`] finds.
+    /// What [`Gpu::check`] finds, or a wait that fails.
     pub fn wait(&self) -> Result<()> {
         let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
         self.check()?;
@@ -154,7 +158,7 @@ impl Gpu {
         }
     }
 
-    /// [`Gpu::check`] for memory alone.
+    /// Does the same as [`Gpu::check`] for memory alone.
     pub(super) fn check_memory(&self) -> Result<()> {
         let mut faults = locked(&self.faults);
         match faults
@@ -184,8 +188,8 @@ impl Gpu {
     }
 }
 
-/// Largest buffer that a kernel can bind under `limits`, bytes. Never 2^32 or more, whatever the
-/// adapter can do: counts and indices in shaders are `u32`.
+/// Returns the size of the largest buffer that a kernel can bind under `limits`, bytes. It is never
+/// 2^32 or more, whatever the adapter can do: counts and indices in shaders are `u32`.
 pub fn binding_limit(limits: &wgpu::Limits) -> u64 {
     limits
         .max_storage_buffer_binding_size
@@ -193,10 +197,10 @@ pub fn binding_limit(limits: &wgpu::Limits) -> u64 {
         .min(u64::from(u32::MAX).next_multiple_of(16) - 16)
 }
 
-/// A count of a buffer's entries for a shader.
+/// Converts a count of a buffer's entries to a shader's.
 ///
 /// # Panics
-/// From 2^32 on, which no buffer holds ([`binding_limit`]): a fault in this program.
+/// If it is 2^32 or more, which no buffer holds ([`binding_limit`]): a fault in this program.
 pub fn shader_count(n: usize) -> u32 {
     u32::try_from(n).unwrap_or_else(|_| panic!("{n} entries are in no buffer"))
 }
@@ -205,7 +209,7 @@ fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// `12.3 MiB`
+/// Writes bytes as `12.3 MiB`.
 pub(super) fn mebibytes(bytes: u64) -> String {
     format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
 }
@@ -219,10 +223,10 @@ pub fn prefer_adapter(name: &str) {
     PREFERRED.get_or_init(|| name.to_owned());
 }
 
-/// All adapters: discrete before integrated before virtual before software.
+/// Returns all adapters: discrete before integrated before virtual before software.
 ///
 /// # Errors
-/// No adapter.
+/// There is no adapter.
 pub fn adapters() -> Result<Vec<wgpu::Adapter>> {
     let mut description = wgpu::InstanceDescriptor::new_without_display_handle();
     description.backends = wgpu::Backends::PRIMARY;
@@ -238,7 +242,7 @@ pub fn adapters() -> Result<Vec<wgpu::Adapter>> {
     Ok(adapters)
 }
 
-/// The first adapter, or the first with `wanted` in its name.
+/// Returns the first adapter, or the first with `wanted` in its name.
 fn choose(adapters: Vec<wgpu::Adapter>, wanted: Option<&str>) -> Result<wgpu::Adapter> {
     let names: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
     let has = |name: &String, part: &str| name.to_lowercase().contains(&part.to_lowercase());

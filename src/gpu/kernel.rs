@@ -15,7 +15,8 @@ pub struct Kernel {
 
 impl Kernel {
     /// [`Stage::kernel`] of a stage that has no other.
-    ///
+    /// Checks and compiles in one, as [`Stage::new`] and [`Stage::kernel`] do, a stage of which no
+    /// other kernel is needed.
     /// # Panics
     /// If the shader does not validate: a fault in this program; the message is naga's.
     pub fn from_source(gpu: &Gpu, stage: &str, entry: &'static str, source: String) -> Kernel {
@@ -162,7 +163,7 @@ impl Stage {
     }
 }
 
-/// Makes something of every SH degree, side by side.
+/// Calls `make` with the SH degrees 0 to 3, side by side.
 pub fn by_degree<T: Send>(make: impl Fn(u32) -> T + Sync) -> [T; 4] {
     let ((zero, one), (two, three)) = rayon::join(
         || rayon::join(|| make(0), || make(1)),
@@ -179,11 +180,12 @@ pub struct Commands<'a> {
 }
 
 impl<'a> Commands<'a> {
+    /// Starts an empty list of commands, without timestamps.
     pub fn new(gpu: &'a Gpu) -> Commands<'a> {
         Self::profiled(gpu, None)
     }
 
-    /// Takes the time of every dispatch, given a profile.
+    /// Starts an empty list of commands; given a profile, takes the time of every dispatch.
     pub fn profiled(gpu: &'a Gpu, profile: Option<&'a mut Profile>) -> Commands<'a> {
         let encoder = gpu.device.create_command_encoder(&Default::default());
         Commands {
@@ -219,6 +221,8 @@ impl<'a> Commands<'a> {
         self.encoder.clear_buffer(&buffer.raw, 0, None);
     }
 
+    /// Submits the commands, without a wait. Given a profile, also reads its timestamps out on the
+    /// GPU.
     pub fn submit(mut self) {
         if let Some(profile) = &self.profile {
             profile.resolve(&mut self.encoder);
@@ -227,7 +231,8 @@ impl<'a> Commands<'a> {
     }
 }
 
-/// `n` workgroups as a grid no side of which exceeds `limit`, with as few idle ones as one row.
+/// Returns `n` workgroups, at least 1, as columns and rows of which neither exceeds `limit`; fewer
+/// of them are idle than there are rows.
 pub fn fold(n: u64, limit: u32) -> (u32, u32) {
     let rows = n.div_ceil(u64::from(limit));
     let columns = n.div_ceil(rows);

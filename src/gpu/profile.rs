@@ -8,10 +8,12 @@ use crate::error::Result;
 /// Dispatches that one profile can hold.
 const MAX_DISPATCHES: u32 = 1024;
 
-/// What the dispatches of one kernel took.
+/// GPU time of one kernel's dispatches.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct KernelTime {
+    /// Sum over the dispatches, by timestamps.
     pub seconds: f64,
+    /// Dispatches in the sum.
     pub dispatches: u32,
 }
 
@@ -23,7 +25,7 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// `None` where the adapter has no timestamps.
+    /// Makes an empty profile; `None` if the adapter has no timestamps.
     pub fn new(gpu: &Gpu) -> Option<Profile> {
         if !gpu
             .device
@@ -45,7 +47,7 @@ impl Profile {
         })
     }
 
-    /// Timestamps for the next dispatch; `None` once the profile is full.
+    /// Returns the timestamps for the next dispatch; `None` once the profile is full.
     pub(super) fn next(
         &mut self,
         name: &'static str,
@@ -74,8 +76,11 @@ impl Profile {
         self.names.clear();
     }
 
-    /// Waits for the GPU; times by kernel, summed over its dispatches since the last call. These
-    /// belong to one submission: a second one would have taken the first one's place.
+    /// Waits for the GPU and returns times by kernel, summed over its dispatches since the last
+    /// call. These belong to one submission: a second one would have taken the first one's place.
+    ///
+    /// # Errors
+    /// A GPU fault.
     pub fn take(&mut self, gpu: &Gpu) -> Result<BTreeMap<&'static str, KernelTime>> {
         let times: Vec<u64> = self.resolved.read(gpu, 2 * self.names.len())?;
         let period = f64::from(gpu.queue.get_timestamp_period()) * 1e-9;

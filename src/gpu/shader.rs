@@ -1,6 +1,6 @@
 //! Shader composition: a stage's source is its file with `#import shared/NAME` lines replaced by
-//! `shaders/shared/NAME.wgsl`, each file once, and `#repeat` blocks written out, behind the constants
-//! of [`super::constants`].
+//! `shaders/shared/NAME.wgsl`, each file once, and `#repeat` blocks written out, behind the
+//! constants of [`super::constants`].
 
 use super::constants;
 
@@ -46,12 +46,12 @@ pub const STAGES: &[(&str, &str)] = sources![
     "reset_opacity",
 ];
 
-/// Gives kernels the complete WGSL of a stage and an SH degree: [`compose`], or what a test has made
-/// of it.
+/// A function that gives kernels the complete WGSL of a stage and an SH degree: [`compose`], or
+/// what a test has made of it.
 pub type Sources<'a> = &'a (dyn Fn(&str, u32) -> String + Sync);
 
-/// The complete WGSL of a stage, with `SH_DEGREE` for the active degree: a constant, because a
-/// software driver runs both sides of every branch.
+/// Returns the complete WGSL of a stage, with `SH_DEGREE` for the active degree: a constant,
+/// because a software driver runs both sides of every branch.
 ///
 /// # Panics
 /// On a stage, import or count that does not exist: a fault in this program.
