@@ -10,7 +10,7 @@ use crate::gpu::constants::{
     DEPTH_BITS, N_TOTALS, RADIX_BITS, RADIX_CHUNK, RADIX_DIGITS, SCAN_CHUNK, SSIM_ROWS, WORKGROUP,
 };
 
-/// What a buffer is for.
+/// The purpose under which a buffer's bytes are counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Part {
     Splats,
@@ -28,15 +28,15 @@ enum Part {
 pub(super) struct Described {
     pub(super) kind: BufferKind,
     part: Part,
-    /// Entries of each.
+    /// Entries of each buffer.
     pub(super) len: fn(&Capacity) -> usize,
-    /// How many there are.
+    /// Number of buffers.
     pub(super) copies: fn(&Capacity) -> usize,
     /// Whether only training needs them.
     pub(super) trains: bool,
 }
 
-/// Views of a step.
+/// Most views of a step.
 pub(super) const N_SLOTS: usize = 2;
 
 type F4 = [f32; 4];
@@ -60,8 +60,8 @@ pub(super) const BUFFERS: &[Described] = &[
     // To count, and to emit.
     uniform::<BinUniform>("mode", |_| 2),
     storage::<u32>("totals", Part::Uniforms, |_| N_TOTALS as usize),
-    // A Gaussian's numbers side by side: a tile's splats lie anywhere, and each then takes one cache
-    // line or two.
+    // A Gaussian's numbers lie side by side: a tile's splats lie anywhere, and each then takes one
+    // cache line or two.
     storage::<Splat>("splats", Part::Splats, |c| c.stride),
     storage::<U2>("gaussian_pairs", Part::Splats, |c| c.stride),
     storage::<u32>("splat_pairs", Part::Splats, |c| {
@@ -131,21 +131,26 @@ const fn training<T>(name: &'static str, part: Part, len: fn(&Capacity) -> usize
 pub struct WorkspaceBytes {
     /// Projected Gaussians.
     pub splats: u64,
+    /// (tile, pair) entries of one view, and the Gaussian of each pair.
     pub pairs: u64,
     /// Second halves of the sorts' buffers, and counts of digits.
     pub sorts: u64,
     /// The render, where each tile's pairs are, and the tiles' order.
     pub image: u64,
+    /// Target images of the views of a step, RGBA8.
     pub goals: u64,
     /// L1 and SSIM, forward and backward.
     pub loss: u64,
+    /// Every pair's gradient to its splat.
     pub pair_gradients: u64,
+    /// Every Gaussian's gradient, and what densification gathers of it on screen.
     pub gradients: u64,
+    /// Uniforms of all stages, and the counts in `totals`.
     pub uniforms: u64,
 }
 
 impl WorkspaceBytes {
-    /// What a workspace of this capacity will take.
+    /// Returns the bytes that a workspace of this capacity will take for training.
     pub fn of(capacity: Capacity) -> WorkspaceBytes {
         let bytes = |part: Part| {
             let own = BUFFERS.iter().filter(|buffer| buffer.part == part);
@@ -164,7 +169,7 @@ impl WorkspaceBytes {
         }
     }
 
-    /// Bytes of all parts.
+    /// Returns the bytes of all parts.
     pub fn total(&self) -> u64 {
         let WorkspaceBytes {
             splats,
@@ -182,24 +187,24 @@ impl WorkspaceBytes {
 }
 
 impl Described {
-    /// Bytes of all copies.
+    /// Returns the bytes of all copies.
     fn bytes(&self, capacity: &Capacity) -> u64 {
         (self.copies)(capacity) as u64 * self.kind.bytes((self.len)(capacity))
     }
 }
 
-/// Counts of the larger radix sort.
+/// Returns the number of counts of the larger radix sort.
 fn n_digits(capacity: &Capacity) -> usize {
     n_chunks(capacity.stride.max(capacity.pairs)) * RADIX_DIGITS as usize
 }
 
-/// Blocks of the largest scan.
+/// Returns the number of blocks of the largest scan.
 fn n_scan_blocks(capacity: &Capacity) -> usize {
     let most = capacity.stride.max(n_digits(capacity));
     most.div_ceil((SCAN_CHUNK * WORKGROUP) as usize)
 }
 
-/// Slices of the lists, none where they are not sliced.
+/// Returns the number of slices of the lists; 0 if they are not sliced.
 fn n_slices(capacity: &Capacity) -> usize {
     if capacity.slices > 1 {
         capacity.slices
@@ -215,18 +220,18 @@ const _: () = assert!(
     "the sorted splats end in the first buffer"
 );
 
-/// Passes of the sort by tile.
+/// Returns the number of passes of the sort by tile.
 fn n_pair_passes(n_tiles: usize) -> u32 {
     let bits = n_tiles.max(2).next_power_of_two().ilog2();
     bits.div_ceil(RADIX_BITS)
 }
 
-/// Chunks of a radix sort.
+/// Returns the number of chunks of a radix sort.
 pub(super) fn n_chunks(n: usize) -> usize {
     n.div_ceil(RADIX_CHUNK as usize)
 }
 
-/// Threads of SSIM's vertical passes over a padded image of `plane` vectors.
+/// Returns the threads of SSIM's vertical passes over a padded image of `plane` vectors.
 pub(super) fn n_partials(plane: usize) -> usize {
     3 * plane / SSIM_ROWS as usize
 }

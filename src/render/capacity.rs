@@ -1,4 +1,4 @@
-//! What a workspace has room for, and what no workspace may be asked for.
+//! The room that a workspace has, and the sizes that no workspace may be asked for.
 
 use super::uniforms::ViewUniform;
 use crate::error::{Error, Result};
@@ -9,23 +9,25 @@ use crate::gpu::constants::{LIST_SLICE, LOOP_TURNS, MOST_TILE_ROWS, PAIR_BLOCK, 
 /// about 4 a Gaussian, at 1600 up to 11; a step that has more is repeated with more room.
 const FIRST_PAIRS: usize = 6;
 
-/// Pairs of one view that there is room for at first.
+/// Returns the pairs of one view that there is room for at first.
 pub fn first_pairs(gpu: &Gpu, n_gaussians: usize) -> usize {
     (FIRST_PAIRS * n_gaussians.max(2048)).min(most_pairs(gpu))
 }
 
-/// Most pairs of one view that the adapter can bind: a pair's largest entry is a `vec4f`.
+/// Returns the most pairs of one view that the adapter can bind: a pair's largest entry is a
+/// `vec4f`.
 pub fn most_pairs(gpu: &Gpu) -> usize {
     (gpu.max_binding() / 16) as usize
 }
 
-/// What a workspace has room for.
+/// The room of a workspace, in numbers of what it holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Capacity {
-    /// Gaussians.
+    /// Gaussians, and so entries a plane of their buffers.
     pub stride: usize,
     /// (tile, Gaussian) pairs of one view.
     pub pairs: usize,
+    /// Tiles of one view.
     pub tiles: usize,
     /// Rows of tiles.
     pub tile_rows: usize,
@@ -39,7 +41,7 @@ pub struct Capacity {
 }
 
 impl Capacity {
-    /// Room for images of every view in `views`.
+    /// Returns the room for images of every view in `views`, one at a time.
     pub fn new(stride: usize, pairs: usize, views: &[ViewUniform]) -> Capacity {
         let largest = |size: fn(&ViewUniform) -> usize| views.iter().map(size).max().unwrap_or(1);
         Capacity {
@@ -53,7 +55,7 @@ impl Capacity {
         }
     }
 
-    /// The larger of both in every respect.
+    /// Returns the larger of both in every respect.
     pub fn union(&self, other: &Capacity) -> Capacity {
         Capacity {
             stride: self.stride.max(other.stride),
@@ -66,18 +68,18 @@ impl Capacity {
         }
     }
 
-    /// Whether `other` fits.
+    /// Returns whether `other` fits.
     pub fn holds(&self, other: &Capacity) -> bool {
         self.union(other) == *self
     }
 
-    /// Entries of the longest list that the slices cover.
+    /// Returns the entries of the longest list that the slices cover.
     pub(super) fn longest_list(&self) -> usize {
         self.slices.max(1) * LIST_SLICE as usize
     }
 }
 
-/// Refuses what the kernels' loops do not get through on a driver that ends them after
+/// Refuses images that the kernels' loops do not get through on a driver that ends them after
 /// [`LOOP_TURNS`] turns.
 pub(super) fn check_loops(capacity: &Capacity) -> Result<()> {
     if capacity.tile_rows > MOST_TILE_ROWS as usize {

@@ -30,11 +30,15 @@ pub struct Kernels {
 }
 
 impl Kernels {
+    /// Compiles the program's own shaders.
     pub fn new(gpu: &Gpu) -> Kernels {
         Self::from_sources(gpu, &shader::compose)
     }
 
-    /// Kernels of other sources than the program's.
+    /// Compiles other sources than the program's.
+    ///
+    /// # Panics
+    /// If a shader does not validate or lacks an entry point: a fault in the sources.
     pub fn from_sources(gpu: &Gpu, sources: Sources<'_>) -> Kernels {
         let stage = |name: &str, degree: u32| Stage::new(gpu, name, sources(name, degree));
         let kernel = |name: &'static str| stage(name, 0).kernel(gpu, name);
@@ -126,13 +130,15 @@ pub(super) struct BackwardGroups {
     pub(super) project: [wgpu::BindGroup; 4],
 }
 
-/// A rasterizer's: one for whole lists, or one for each slice of them.
+/// Bind groups of a rasterizer: one for whole lists, or one for each slice of them.
 pub(super) enum RasterGroups {
     Whole(wgpu::BindGroup),
     Slices(Vec<wgpu::BindGroup>),
 }
 
 impl Bound {
+    /// Binds the buffers of `workspace` and `model` to every kernel, once for each slot. With a
+    /// workspace that does not train, the backward is left out.
     pub fn new(gpu: &Gpu, kernels: &Kernels, workspace: &Workspace, model: &Model) -> Bound {
         Bound {
             slots: (0..2)

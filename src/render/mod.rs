@@ -1,9 +1,10 @@
 //! Gaussians on the GPU and their differentiable rasterization.
 //!
 //! One view runs project, sort by depth, bin (count), prefix sum, bin (emit), sort by tile, tile
-//! ranges and order, rasterize; backward it runs `rasterize_backward`, `sum_pairs` and `project_backward`,
-//! and `pose_backward` too if its camera moves. Each is the WGSL stage of that name. The gradient path
-//! holds no atomic float and every sum has a fixed order, so equal inputs give equal bits.
+//! ranges and order, rasterize; backward it runs `rasterize_backward`, `sum_pairs` and
+//! `project_backward`, and `pose_backward` too if its camera moves. Each is the WGSL stage of that
+//! name. The gradient path holds no atomic float and every sum has a fixed order, so equal inputs
+//! give equal bits.
 //!
 //! `buffers` describes every buffer once; a [`Workspace`] allocates them, and [`WorkspaceBytes`]
 //! says what they will take.

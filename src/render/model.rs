@@ -16,7 +16,7 @@ const BLOCKS: [BufferKind; 4] = [
     BufferKind::storage::<[f32; 4]>("sh_3"),
 ];
 
-/// Entries of block `i`; none where the degree needs none.
+/// Returns the entries of block `i`; 0 if the degree needs none.
 fn block_len(i: usize, stride: usize, sh_degree: u32) -> usize {
     match i < n_blocks(sh_degree) {
         true => BLOCK_PLANES[i] * stride,
@@ -24,14 +24,14 @@ fn block_len(i: usize, stride: usize, sh_degree: u32) -> usize {
     }
 }
 
-/// Bytes of a [`Model`].
+/// Returns the bytes of a [`Model`].
 pub fn model_bytes(stride: usize, sh_degree: u32) -> u64 {
     (0..BLOCKS.len())
         .map(|i| one_block_bytes(i, stride, sh_degree))
         .sum()
 }
 
-/// Bytes of the largest of its blocks.
+/// Returns the bytes of the largest of its blocks.
 pub fn block_bytes(stride: usize, sh_degree: u32) -> u64 {
     let used = 0..n_blocks(sh_degree);
     let bytes = used.map(|i| one_block_bytes(i, stride, sh_degree));
@@ -48,15 +48,22 @@ fn one_block_bytes(i: usize, stride: usize, sh_degree: u32) -> u64 {
 /// dropout alone; `rotation_wxyz`. SH planes:
 /// float `3k + c` of a Gaussian is coefficient `k` of channel `c`, four floats a plane.
 pub struct Model {
+    /// Gaussians; entries from `n` on are room.
     pub n: usize,
     /// Entries a plane; at least `n`.
     pub stride: usize,
+    /// Degree up to which coefficients are stored.
     pub sh_degree: u32,
+    /// Geometry, and SH of degrees 0-1, 2 and 3, `4 * BLOCK_PLANES[i] * stride` floats each; blocks
+    /// that the degree does not need are placeholders.
     pub blocks: [Buffer; 4],
 }
 
 impl Model {
-    /// All zero, with room for `stride` Gaussians.
+    /// Allocates blocks of zeros with room for `stride` Gaussians, of which there are `n`.
+    ///
+    /// # Errors
+    /// A block is larger than the adapter can bind, or memory runs out.
     pub fn zeros(gpu: &Gpu, n: usize, stride: usize, sh_degree: u32) -> Result<Model> {
         let block = |i: usize| BLOCKS[i].allocate(gpu, block_len(i, stride, sh_degree));
         Ok(Model {
@@ -67,12 +74,15 @@ impl Model {
         })
     }
 
-    /// The blocks under their names in the shaders.
+    /// Returns the blocks under their names in the shaders.
     pub(super) fn names(&self) -> impl Iterator<Item = (&'static str, &Buffer)> {
         BLOCKS.iter().map(BufferKind::name).zip(&self.blocks)
     }
 
-    /// Uploads Gaussians, with room for `stride` of them.
+    /// Uploads Gaussians, with room for `stride` of them and every density 0.
+    ///
+    /// # Errors
+    /// As [`Model::zeros`].
     pub fn upload(gpu: &Gpu, gaussians: &Gaussians, stride: usize) -> Result<Model> {
         let n = gaussians.means.len();
         let model = Self::zeros(gpu, n, stride, gaussians.sh_degree)?;
@@ -109,7 +119,7 @@ impl Model {
         Ok(model)
     }
 
-    /// Reads the means back.
+    /// Reads the means back, in the frame that they were uploaded in.
     ///
     /// # Errors
     /// A GPU fault.
@@ -118,7 +128,7 @@ impl Model {
         Ok(plane.iter().map(xyz).collect())
     }
 
-    /// Writes the density of every Gaussian.
+    /// Writes the density of every Gaussian, which guided dropout looks at.
     ///
     /// # Errors
     /// A GPU fault.
@@ -132,6 +142,9 @@ impl Model {
     }
 
     /// Reads the Gaussians back.
+    ///
+    /// # Errors
+    /// A GPU fault.
     pub fn download(&self, gpu: &Gpu) -> Result<Gaussians> {
         let (n, stride) = (self.n, self.stride);
         let geometry: Vec<[f32; 4]> = self.blocks[0].read(gpu, 3 * stride)?;
@@ -170,18 +183,18 @@ fn xyz(v: &[f32; 4]) -> glam::Vec3 {
     glam::Vec3::new(v[0], v[1], v[2])
 }
 
-/// Most Gaussians of a degree whose every block the adapter can bind.
+/// Returns the most Gaussians of a degree whose every block the adapter can bind.
 pub fn most_gaussians(gpu: &Gpu, sh_degree: u32) -> usize {
     let planes = BLOCK_PLANES[..n_blocks(sh_degree)].iter().max();
     (gpu.max_binding() / (16 * planes.copied().unwrap_or(1) as u64)) as usize
 }
 
-/// SH floats a Gaussian.
+/// Returns the SH floats of one Gaussian.
 fn n_floats(sh_degree: u32) -> usize {
     3 * (sh_degree as usize + 1).pow(2)
 }
 
-/// Blocks in use: geometry and those that hold coefficients up to `sh_degree`.
+/// Returns the blocks in use: geometry and those that hold coefficients up to `sh_degree`.
 pub fn n_blocks(sh_degree: u32) -> usize {
     match sh_degree {
         0 | 1 => 2,

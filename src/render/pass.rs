@@ -14,12 +14,17 @@ use crate::gpu::{Commands, Gpu, shader_count};
 
 /// One view being recorded: the kernels, buffers and bind groups that its stages need.
 pub struct Pass<'a> {
+    /// Adapter that holds the buffers.
     pub gpu: &'a Gpu,
+    /// Kernels of all stages of a view.
     pub kernels: &'a Kernels,
+    /// Buffers that the stages read and write.
     pub workspace: &'a Workspace,
+    /// Bind groups of `workspace` and the model.
     pub bound: &'a Bound,
+    /// The view's number among those of its step.
     pub slot: usize,
-    /// With counts and slot set by [`Pass::new`].
+    /// The view's uniform, with counts and slot set by [`Pass::new`].
     view: ViewUniform,
     sh_degree: usize,
 }
@@ -36,7 +41,7 @@ pub struct PassStep {
 }
 
 impl<'a> Pass<'a> {
-    /// Writes the view's uniforms.
+    /// Writes the view's uniforms, and returns its stages, to be recorded.
     pub fn new(
         gpu: &'a Gpu,
         kernels: &'a Kernels,
@@ -93,7 +98,7 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// Renders into `workspace.rendered`: the stages from [`Pass::project`] on in a row.
+    /// Renders into the buffer `rendered`: the stages from [`Pass::project`] on in a row.
     pub fn forward(&self, commands: &mut Commands<'_>) {
         self.project(commands);
         self.sort_by_depth(commands);
@@ -171,17 +176,17 @@ impl<'a> Pass<'a> {
         &self.bound.slots[self.slot]
     }
 
-    /// Gaussians.
+    /// Returns the number of Gaussians.
     fn n(&self) -> u64 {
         u64::from(self.view.n_gaussians)
     }
 
-    /// Pairs that there is room for.
+    /// Returns the number of pairs that there is room for.
     fn room(&self) -> u64 {
         self.workspace.capacity.pairs as u64
     }
 
-    /// Radix sort of at most `n` entries.
+    /// Sorts at most `n` entries by radix.
     fn sort(&self, commands: &mut Commands<'_>, passes: &[RadixGroups], n: u64) {
         let n_chunks = n_chunks(n as usize) as u64;
         for groups in passes {
@@ -191,7 +196,7 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// Exclusive prefix sum of at most `n` counts.
+    /// Turns at most `n` counts into their exclusive prefix sums.
     fn scan(&self, commands: &mut Commands<'_>, groups: &ScanGroups, n: u64) {
         if n <= u64::from(SCAN_FEW * WORKGROUP * SCAN_CHUNK) {
             commands.dispatch(&self.kernels.scan_few, &groups.few, 1);
@@ -202,7 +207,9 @@ impl<'a> Pass<'a> {
         commands.dispatch(&self.kernels.scan_spread, &groups.many[1], threads);
     }
 
-    /// The image loss of `workspace.rendered` against `goal`, and its gradient in `d_rendered`.
+    /// Compares the buffer `rendered` with the target image of the slot: writes its mean L1 and
+    /// SSIM to `losses`, and the gradient of the image loss to `d_rendered`. Nothing is recorded
+    /// with a workspace that does not train.
     pub fn loss(&self, commands: &mut Commands<'_>, mut loss: LossUniform) {
         let Some(groups) = &self.groups().backward else {
             return;
@@ -242,7 +249,7 @@ impl<'a> Pass<'a> {
         let [whole, slice] = &self.kernels.rasterize_backward;
         match &groups.rasterize {
             RasterGroups::Whole(group) => commands.dispatch(whole, group, threads),
-            // What is behind comes first.
+            // The slice farthest behind comes first.
             RasterGroups::Slices(groups) => groups
                 .iter()
                 .rev()
@@ -271,8 +278,8 @@ impl<'a> Pass<'a> {
         commands.dispatch(&kernels[degree], &groups.project[degree], self.n());
     }
 
-    /// The gradient with respect to the camera's pose, after [`Pass::backward`] of the step's first
-    /// view and before that of its second.
+    /// Records the gradient with respect to the camera's pose, after [`Pass::backward`] of the
+    /// step's first view and before that of its second.
     pub fn pose_backward(
         &self,
         commands: &mut Commands<'_>,

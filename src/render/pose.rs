@@ -9,7 +9,8 @@
 //! dL/dv = sum dL/dp,    dL/dw = sum p x (dL/dp less its part through c) + sum_j M_j x dL/dM_j
 //! ```
 //!
-//! for a turn about the optical centre leaves the direction in which a Gaussian is seen, and so `c`.
+//! for a turn about the optical centre leaves the direction in which a Gaussian is seen, and so
+//! `c`.
 
 use super::model::Model;
 use super::workspace::Workspace;
@@ -26,11 +27,15 @@ pub struct PoseKernels {
 }
 
 impl PoseKernels {
+    /// Compiles the program's own shaders.
     pub fn new(gpu: &Gpu) -> PoseKernels {
         Self::from_sources(gpu, &shader::compose)
     }
 
-    /// Kernels of other sources than the program's.
+    /// Compiles other sources than the program's.
+    ///
+    /// # Panics
+    /// If a shader does not validate or lacks an entry point: a fault in the sources.
     pub fn from_sources(gpu: &Gpu, sources: Sources<'_>) -> PoseKernels {
         let kernel = |entry: &'static str, degree: u32| {
             let stage = "pose_backward";
@@ -58,8 +63,10 @@ pub struct PoseGradient {
 }
 
 impl PoseGradient {
+    /// Allocates the buffers and binds them, for the first view of a step.
+    ///
     /// # Errors
-    /// A buffer that the adapter cannot bind.
+    /// A buffer is larger than the adapter can bind.
     pub fn new(
         gpu: &Gpu,
         kernels: &PoseKernels,
@@ -80,7 +87,7 @@ impl PoseGradient {
         })
     }
 
-    /// Bytes of its buffers for this many Gaussians.
+    /// Returns the bytes of its buffers for this many Gaussians.
     pub fn bytes(stride: usize) -> u64 {
         SUMS.bytes(n_sums(stride)) + D_POSE.bytes(1)
     }
@@ -97,7 +104,7 @@ impl PoseGradient {
         commands.dispatch(&kernels.total, &self.total, 1);
     }
 
-    /// Waits for the GPU; turn and shift.
+    /// Waits for the GPU and returns the gradient with respect to turn and shift, `(w, v)`.
     ///
     /// # Errors
     /// A GPU fault.
@@ -107,13 +114,13 @@ impl PoseGradient {
         Ok([at(0, 0), at(0, 1), at(0, 2), at(1, 0), at(1, 1), at(1, 2)])
     }
 
-    /// For the doctor to spoil before they are written.
+    /// Returns the buffers that the kernels write, for the doctor to spoil first.
     pub fn outputs(&self) -> [&Buffer; 2] {
         [&self.sums, &self.d_pose]
     }
 }
 
-/// Partial sums over the blocks of so many Gaussians.
+/// Returns the number of partial sums over the blocks of so many Gaussians.
 fn n_sums(stride: usize) -> usize {
     stride.div_ceil(WORKGROUP as usize)
 }

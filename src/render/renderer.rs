@@ -1,4 +1,4 @@
-//! Renders single views and reads them back: evaluation, `render`, tests.
+//! Renders single views and reads them back, for evaluation, `render` and tests.
 
 use super::capacity::Capacity;
 use super::kernels::{Bound, Kernels};
@@ -13,7 +13,9 @@ use crate::gpu::{Buffer, Commands, Gpu};
 /// A rendered view, row 0 on top, values unclamped.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rendered {
+    /// Width of the image, pixels.
     pub width: u32,
+    /// Height of the image, pixels.
     pub height: u32,
     /// `[height][width][3]`.
     pub rgb: Vec<f32>,
@@ -29,6 +31,7 @@ pub struct Renderer<'a> {
 }
 
 impl<'a> Renderer<'a> {
+    /// Makes a renderer without buffers yet.
     pub fn new(gpu: &'a Gpu, kernels: &'a Kernels) -> Renderer<'a> {
         Renderer {
             gpu,
@@ -40,7 +43,7 @@ impl<'a> Renderer<'a> {
     /// Renders `view` with SH up to the model's degree.
     ///
     /// # Errors
-    /// More (tile, Gaussian) pairs than the adapter can bind, or a GPU fault.
+    /// The view has more (tile, Gaussian) pairs than the adapter can bind, or the GPU has a fault.
     pub fn render(&mut self, model: &Model, view: &ViewUniform) -> Result<Rendered> {
         let gpu = self.gpu;
         let needed = Capacity::new(model.stride, 4 * model.n.max(1024), &[*view]);
@@ -69,6 +72,9 @@ impl<'a> Renderer<'a> {
 }
 
 /// Reads colour and transmittance planes back into interleaved rows.
+///
+/// # Errors
+/// A GPU fault.
 pub fn read_rendered(gpu: &Gpu, rendered: &Buffer, view: &ViewUniform) -> Result<Rendered> {
     let plane = 4 * view.plane_len();
     let values: Vec<f32> = rendered.read(gpu, 4 * plane)?;

@@ -1,6 +1,6 @@
-//! What a step must have room for, and what it says when it has not: the GPU finds that pairs or a
-//! tile's list do not fit, every later stage of this and of the following steps does nothing, and
-//! the host makes room and takes the step again.
+//! Room for a step, and what happens without it: the GPU finds that pairs or a tile's list do not
+//! fit, every later stage of this and of the following steps does nothing, and the host makes room
+//! and takes the step again.
 
 use super::capacity::{Capacity, most_pairs};
 use super::workspace::Workspace;
@@ -42,11 +42,11 @@ pub fn read_totals(gpu: &Gpu, workspace: &Workspace) -> Result<Totals> {
 }
 
 impl Totals {
-    /// The room that the step needs, half as much again as it asked for so that the next ones fit,
-    /// too; `None`: it had room.
+    /// Returns the room that the step needs, half as much again as it asked for so that the next
+    /// ones fit, too; `None` if it had room.
     ///
     /// # Errors
-    /// More pairs than can be counted; a driver that reports an overflow of what fits.
+    /// There are more pairs than can be counted, or the driver reports an overflow of what fits.
     pub fn room(&self, gpu: &Gpu) -> Result<Option<Capacity>> {
         let capacity = self.capacity;
         if self.overflow_step == 0 {
@@ -77,15 +77,15 @@ impl Totals {
     }
 }
 
-/// Attempts in which a view that fits at all has been given the room that it needs: the pairs are
-/// counted in the first, the lists in the second.
+/// Most attempts. A view that fits at all has been given the room that it needs by then: the pairs
+/// are counted in the first, the lists in the second.
 const MOST_ATTEMPTS: usize = 8;
 
-/// Makes `attempt` with room for what is `needed`, and again with more until its pairs and lists fit.
-/// An attempt makes the room, submits, and reads the counts.
+/// Makes `attempt` with room for what is `needed`, and again with more until its pairs and lists
+/// fit. An attempt makes the room, submits, and reads the counts.
 ///
 /// # Errors
-/// What the attempts and [`Totals::room`] return; a view that finds no room.
+/// What the attempts and [`Totals::room`] return, or a view that finds no room.
 pub fn until_it_fits(
     gpu: &Gpu,
     mut needed: Capacity,
@@ -104,7 +104,8 @@ pub fn until_it_fits(
 }
 
 impl Capacity {
-    /// The same with room for half as many pairs again as `pairs`, as far as the adapter goes.
+    /// Returns the same with room for half as many pairs again as `pairs`, as far as the adapter
+    /// goes.
     pub fn with_pairs(self, gpu: &Gpu, pairs: usize) -> Capacity {
         let wanted = (pairs + pairs / 2).min(most_pairs(gpu)).max(pairs);
         Capacity {

@@ -10,6 +10,7 @@ use crate::gpu::{Buffer, Gpu, shader_count};
 
 /// The buffers of one view in flight, shared by a step's views, one after the other.
 pub struct Workspace {
+    /// The room that the buffers have.
     pub capacity: Capacity,
     /// Whether it has what the backward needs.
     pub(super) trains: bool,
@@ -18,7 +19,7 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    /// Allocates; with `training`, for the backward too.
+    /// Allocates the buffers, with `training` also those of the backward.
     ///
     /// # Errors
     /// A buffer that the adapter cannot bind, or an image too large for the kernels' loops.
@@ -45,8 +46,8 @@ impl Workspace {
         Ok(workspace)
     }
 
-    /// A workspace with room for `needed`: `held` if it is large enough, else one with room for what
-    /// both ask for. The memory of `held` is free before more is taken.
+    /// Returns a workspace with room for `needed`: `held` if it is large enough, else one with room
+    /// for what both ask for. The memory of `held` is free before more is taken.
     ///
     /// # Errors
     /// As [`Workspace::new`].
@@ -88,7 +89,7 @@ impl Workspace {
         }
     }
 
-    /// All buffers of a name.
+    /// Returns all buffers of a name.
     ///
     /// # Panics
     /// If [`BUFFERS`] has no such name: a fault in this program.
@@ -97,7 +98,7 @@ impl Workspace {
         &self.buffers[found.unwrap_or_else(|| panic!("no buffer `{name}`"))]
     }
 
-    /// The buffer of this name, the first where each of a step's views has one.
+    /// Returns the buffer of this name, the first if each of a step's views has one.
     ///
     /// # Panics
     /// If there is none: a fault in this program.
@@ -105,19 +106,20 @@ impl Workspace {
         self.of_slot(name, 0)
     }
 
-    /// The buffer of this name that belongs to one of a step's views.
+    /// Returns the buffer of this name that belongs to one of a step's views.
     pub(super) fn of_slot(&self, name: &str, slot: usize) -> &Buffer {
         let found = self.all(name).get(slot);
         found.unwrap_or_else(|| panic!("no buffer `{name}` {slot}"))
     }
 
-    /// `Radix` of the passes of a slot's depth sort.
+    /// Returns the `Radix` uniforms of the passes of a slot's depth sort.
     pub(super) fn depth_passes(&self, slot: usize) -> &[Buffer] {
         let n = N_DEPTH_PASSES as usize;
         &self.all("depth_passes")[slot * n..][..n]
     }
 
-    /// Sets what a slot's render of `view` is compared with, RGBA8.
+    /// Sets the target image of a slot's render of `view`: RGBA8, `[height][width]`. Nothing is
+    /// done in a workspace that does not train.
     pub fn set_goal(&self, gpu: &Gpu, slot: usize, view: &ViewUniform, goal: &[u32]) {
         if !self.trains {
             return;
@@ -139,7 +141,12 @@ impl Workspace {
         own.write(gpu, &padded);
     }
 
-    /// Per view of the last step: mean L1, mean SSIM.
+    /// Waits for the GPU and returns mean L1 and mean SSIM of each of two slots; nothing in a
+    /// workspace that does not train. A slot without a view in the last step holds what was there
+    /// before.
+    ///
+    /// # Errors
+    /// A GPU fault.
     pub fn read_losses(&self, gpu: &Gpu) -> Result<Vec<[f64; 2]>> {
         if !self.trains {
             return Ok(Vec::new());
@@ -148,18 +155,18 @@ impl Workspace {
         Ok(losses.into_iter().map(|pair| pair.map(f64::from)).collect())
     }
 
-    /// The two halves of the sort by tile.
+    /// Returns the two halves of the sort by tile.
     pub(super) fn pair_halves(&self) -> [&Buffer; 2] {
         [self.buffer("pairs"), self.buffer("pairs_swap")]
     }
 
-    /// (tile, pair), sorted by tile, front to back within one.
+    /// Returns the buffer of (tile, pair), sorted by tile, front to back within one.
     pub fn tile_pairs(&self) -> &Buffer {
         self.pair_halves()[self.all("pair_passes").len() % 2]
     }
 
-    /// Every storage buffer, the uniforms of a slot and the blocks of `model`, under their names in
-    /// the shaders.
+    /// Returns every storage buffer, the uniforms of a slot and the blocks of `model`, under their
+    /// names in the shaders.
     pub fn names<'a>(&'a self, model: &'a Model, slot: usize) -> Vec<(&'static str, &'a Buffer)> {
         let mut names = vec![
             ("view", self.of_slot("view", slot)),
