@@ -1,9 +1,9 @@
 //! Image metrics as 3D Gaussian Splatting computes them (Kerbl et al. 2023, `metrics.py`).
 //!
-//! A render is measured as 3DGS measures the files that it wrote, rounded to 8 bit by
-//! [`quantize`], or as a [`FloatImage`]. Metrics over a mask (`height * width`, row 0 on top) look
-//! at set pixels alone; what each takes from beyond them is stated there. Sums run in a fixed
-//! order, so results do not depend on the number of threads.
+//! A render is measured as 3DGS measures the files that it wrote, rounded to 8 bit by [`quantize`],
+//! or as a [`FloatImage`]. Metrics over a mask (`height * width`, row 0 on top) look at set pixels
+//! alone; each says what it takes from beyond them. Sums run in a fixed order, so results do not
+//! depend on the number of threads.
 
 pub mod lpips;
 mod psnr;
@@ -48,8 +48,11 @@ impl Pixels for Image {
 /// A render that was not rounded: `[height][width][3]`, clamped to `[0, 1]` when it is measured.
 #[derive(Clone, Copy, Debug)]
 pub struct FloatImage<'a> {
+    /// Width, pixels.
     pub width: u32,
+    /// Height, pixels.
     pub height: u32,
+    /// `[height][width][3]`, row 0 on top; 1 is white.
     pub rgb: &'a [f32],
 }
 
@@ -74,6 +77,9 @@ impl Pixels for FloatImage<'_> {
 
 /// Rounds a render (`height * width * 3` values in `[0, 1]`, row 0 on top) to 8 bit: clamped,
 /// nearest, halves upwards. NaN becomes 0.
+///
+/// # Errors
+/// There are no values, or not `height * width * 3`.
 pub fn quantize(width: u32, height: u32, rgb: &[f32]) -> Result<Image> {
     let image = Image {
         width,
@@ -88,7 +94,7 @@ pub fn quantize(width: u32, height: u32, rgb: &[f32]) -> Result<Image> {
     Ok(image)
 }
 
-/// Both images are whole and of one size, which is returned in pixels as width and height.
+/// Checks that both images are whole and of one size, and returns that, width and height in pixels.
 fn check_pair(render: &impl Pixels, truth: &impl Pixels) -> Result<(usize, usize)> {
     check_size(render)?;
     check_size(truth)?;
@@ -117,7 +123,7 @@ fn check_size(image: &impl Pixels) -> Result<()> {
     Ok(())
 }
 
-/// Number of set pixels of a mask for images of `n_pixels`.
+/// Returns the number of set pixels of a mask for images of `n_pixels`.
 fn check_mask(mask: &[bool], n_pixels: usize) -> Result<usize> {
     if mask.len() != n_pixels {
         return Err(Error::new(format!(

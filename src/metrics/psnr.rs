@@ -3,15 +3,22 @@
 use super::{Pixels, check_mask, check_pair};
 use crate::error::Result;
 
-/// Peak signal-to-noise ratio in dB over all pixels and channels, `20 log10(1 / sqrt(mse))`;
-/// infinite for identical images.
+/// Returns the peak signal-to-noise ratio in dB over all pixels and channels,
+/// `20 log10(1 / sqrt(mse))`; infinite for identical images.
+///
+/// # Errors
+/// The images differ in size or are not whole.
 pub fn psnr(render: &impl Pixels, truth: &impl Pixels) -> Result<f64> {
     check_pair(render, truth)?;
     let n = render.n_values();
     Ok(psnr_of(squared_error(render, truth, 0..n), n))
 }
 
-/// [`psnr`] over the pixels whose `mask` (`height * width`) is set; an empty mask has none.
+/// Returns [`psnr`] over the pixels whose `mask` (`height * width`) is set; `None` for an empty
+/// mask.
+///
+/// # Errors
+/// As [`psnr`], or a mask of another size.
 pub fn masked_psnr(
     render: &impl Pixels,
     truth: &impl Pixels,
@@ -26,7 +33,7 @@ pub fn masked_psnr(
     Ok(Some(psnr_of(squared_error(render, truth, set), n_set * 3)))
 }
 
-/// In levels, so that the sum of an 8-bit pair is an integer and exact.
+/// Adds squares up in levels, so that the sum of an 8-bit pair is an integer and exact.
 fn squared_error(
     render: &impl Pixels,
     truth: &impl Pixels,

@@ -1,5 +1,5 @@
-//! What is measured at a test view, and the means over views. PSNR in dB; JSON has no infinity, so
-//! the PSNR of an identical image is written as null, as is what was not measured.
+//! Scores of test views, and their means over views. PSNR is in dB; JSON has no infinity, so the
+//! PSNR of an identical image is written as null, as is what was not measured.
 
 use std::fmt;
 
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::lpips::{InputRange, Net};
 
-/// What a render's values are when they are measured.
+/// The form in which a render's values are measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Renders {
     /// Rounded to 8 bit, as in the files that 3DGS measures.
@@ -19,17 +19,19 @@ pub enum Renders {
     Float,
 }
 
-/// Which LPIPS was measured.
+/// The LPIPS that was measured.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LpipsRecord {
+    /// Net whose features were compared.
     pub net: Net,
+    /// Range in which black to white was given to the net.
     pub range: InputRange,
     /// SHA-256 of the file of weights, in hex.
     pub weights_sha256: String,
 }
 
 impl fmt::Display for LpipsRecord {
-    /// As a table's column: `lpips(vgg,[0,1])`.
+    /// Writes the name of a table's column: `lpips(vgg,[0,1])`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "lpips({},{})", self.net, self.range)
     }
@@ -38,10 +40,11 @@ impl fmt::Display for LpipsRecord {
 /// Errors of the bare point splat of the cloud at the test views, black where no point falls.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PointSplatScore {
-    /// Means over the views; dB.
+    /// Mean over the views, dB; null if there is no view.
     pub psnr: Option<f64>,
+    /// Mean over the views; null if there is no view.
     pub ssim: Option<f64>,
-    /// Over covered pixels alone; dB.
+    /// Mean over covered pixels alone, dB; null if a view has none.
     pub psnr_covered: Option<f64>,
     /// Mean share of covered pixels.
     pub coverage: f64,
@@ -50,16 +53,20 @@ pub struct PointSplatScore {
 /// Means over the views of their own values.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mean {
-    /// dB.
+    /// Mean of PSNR in dB, not PSNR of a mean error.
     pub psnr: Option<f64>,
+    /// Mean of SSIM; 1 is best.
     pub ssim: Option<f64>,
+    /// Mean of LPIPS, where smaller is nearer; null if it was not measured.
     pub lpips: Option<f64>,
 }
 
 /// Means over the views that have a mask with set pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MaskedMean {
+    /// Number of those views.
     pub n_views: usize,
+    /// Means of their masked scores; in JSON beside `n_views`, not below a key.
     #[serde(flatten)]
     pub mean: Mean,
 }
@@ -67,15 +74,18 @@ pub struct MaskedMean {
 /// Errors at one test view.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ViewScore {
+    /// The view's name: its image's file name.
     pub name: String,
-    /// dB.
+    /// Over the whole image, dB.
     pub psnr: Option<f64>,
+    /// Over the whole image; 1 is best.
     pub ssim: Option<f64>,
+    /// Smaller is nearer; null if LPIPS was not measured.
     pub lpips: Option<f64>,
-    /// Null for a view without a mask, or with an empty one.
+    /// Scores over the view's mask; null for a view without a mask, or with an empty one.
     #[serde(default)]
     pub masked: Option<MaskedScore>,
-    /// Null in files of older versions.
+    /// Score over the pixels that the cloud covers; null in files of older versions.
     #[serde(default)]
     pub covered: Option<CoveredScore>,
 }
@@ -94,15 +104,17 @@ pub struct CoveredScore {
 /// images black beyond them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MaskedScore {
-    /// dB.
+    /// Over the mask's pixels, dB.
     pub psnr: Option<f64>,
+    /// Mean of SSIM's map over the mask's pixels.
     pub ssim: Option<f64>,
+    /// Null if LPIPS was not measured.
     pub lpips: Option<f64>,
     /// Share of the view's pixels.
     pub coverage: f64,
 }
 
-/// Mean of values that are all there.
+/// Returns the mean of values that are all there; `None` if one is missing or there are none.
 pub fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     let values = values.collect::<Option<Vec<f64>>>()?;
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)

@@ -9,20 +9,26 @@ use crate::error::Result;
 const WINDOW: usize = 11;
 /// Standard deviation of the window, pixels.
 const WINDOW_SIGMA: f64 = 1.5;
-/// The constants for values in `[0, 1]`.
+/// SSIM's constants for values in `[0, 1]`.
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
 
-/// Structural similarity: 11x11 Gaussian window of sigma 1.5, each channel alone, zeros beyond
-/// the border (`conv2d` with padding 5), mean over all pixels and channels.
+/// Returns the structural similarity: 11x11 Gaussian window of sigma 1.5, each channel alone, zeros
+/// beyond the border (`conv2d` with padding 5), mean over all pixels and channels.
+///
+/// # Errors
+/// The images differ in size or are not whole.
 pub fn ssim(render: &impl Pixels, truth: &impl Pixels) -> Result<f64> {
     let (width, height) = check_pair(render, truth)?;
     let sum = ssim_sum(render, truth, |_| true)?;
     Ok(sum / (width * height * 3) as f64)
 }
 
-/// The mean of [`ssim`]'s map over the pixels whose `mask` (`height * width`) is set; the windows
-/// of pixels at the mask's edge reach beyond it. An empty mask has none.
+/// Returns the mean of [`ssim`]'s map over the pixels whose `mask` (`height * width`) is set; the
+/// windows of pixels at the mask's edge reach beyond it. `None` for an empty mask.
+///
+/// # Errors
+/// As [`ssim`], or a mask of another size.
 pub fn masked_ssim(
     render: &impl Pixels,
     truth: &impl Pixels,
@@ -37,7 +43,7 @@ pub fn masked_ssim(
     Ok(Some(sum / (n_set * 3) as f64))
 }
 
-/// Sum of the map over the pixels that `counts`, and their channels.
+/// Adds up the map over the pixels that `counts`, and their channels.
 fn ssim_sum(
     render: &impl Pixels,
     truth: &impl Pixels,
@@ -62,7 +68,7 @@ fn ssim_sum(
     Ok(row_sums.iter().sum())
 }
 
-/// The one-dimensional window; the two-dimensional one is its outer product with itself.
+/// Returns the one-dimensional window; the two-dimensional one is its outer product with itself.
 fn gaussian_window() -> [f64; WINDOW] {
     let mut window = std::array::from_fn(|i| {
         let x = i as f64 - (WINDOW / 2) as f64;
@@ -73,8 +79,8 @@ fn gaussian_window() -> [f64; WINDOW] {
     window
 }
 
-/// Row `y` of both images, their squares' sum and their product, weighted down the columns.
-/// SSIM needs the two squares only as a sum. `blurred`: `width * 3` entries.
+/// Weights row `y` of both images, their squares' sum and their product down the columns. SSIM
+/// needs the two squares only as a sum. `blurred`: `width * 3` entries.
 fn blur_vertically(
     render: &impl Pixels,
     truth: &impl Pixels,

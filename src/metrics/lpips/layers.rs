@@ -2,8 +2,9 @@
 //!
 //! Tensors are `[height][width][channels]`, so that what a convolution sees of one pixel, and what
 //! it makes of one, are contiguous. A convolution is a matrix product of its weights with the
-//! patches of a band of pixels (im2col); nalgebra hands it to `matrixmultiply`. What else was
-//! measured, and how much faster this is: `benches/runs/2026-11-22-llvmpipe/lpips.md`.
+//! patches of a band of pixels (im2col); nalgebra hands it to `matrixmultiply`. The file
+//! `benches/runs/2026-11-22-llvmpipe/lpips.md` holds what else was measured, and how much faster
+//! this is.
 
 use nalgebra::{DMatrixView, DMatrixViewMut};
 use rayon::prelude::*;
@@ -37,7 +38,8 @@ pub(super) struct Conv {
 }
 
 impl Conv {
-    /// The features of `input`, which has `n_in` channels and holds the kernel at least once.
+    /// Returns the features of `input`, which has `n_in` channels and holds the kernel at least
+    /// once.
     pub(crate) fn apply(&self, input: &Tensor) -> Tensor {
         let fits = |length: usize| (length + 2 * self.padding - self.side) / self.stride + 1;
         let (height, width) = (fits(input.height), fits(input.width));
@@ -97,7 +99,7 @@ impl Conv {
     }
 }
 
-/// Max pooling without padding; what does not fill a window at the far edges is left out.
+/// Pools by maximum without padding; what does not fill a window at the far edges is left out.
 pub(super) fn max_pool(input: &Tensor, side: usize, stride: usize) -> Tensor {
     let fits = |length: usize| (length - side) / stride + 1;
     let (height, width) = (fits(input.height), fits(input.width));

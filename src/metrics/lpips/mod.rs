@@ -19,7 +19,7 @@ use super::{Pixels, check_mask, check_pair};
 use crate::error::{Error, Result};
 use layers::{Conv, Tensor, max_pool};
 
-/// How the file of weights is made, one line of Python.
+/// Command line that makes the file of weights with one line of Python.
 pub const WEIGHTS_RECIPE: &str = "python -c \"import lpips, safetensors.torch as s; \
      s.save_file({k: v.clone() for k, v in lpips.LPIPS(net='vgg').state_dict().items()}, \
      'lpips_vgg.safetensors')\"";
@@ -28,7 +28,9 @@ pub const WEIGHTS_RECIPE: &str = "python -c \"import lpips, safetensors.torch as
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Net {
+    /// AlexNet, torchvision's.
     Alex,
+    /// VGG16.
     Vgg,
 }
 
@@ -41,7 +43,7 @@ impl fmt::Display for Net {
     }
 }
 
-/// The range that black to white is given to the net as.
+/// The range in which black to white is given to the net.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 pub enum InputRange {
     /// As 3DGS's `metrics.py` and the papers that follow it
@@ -88,25 +90,30 @@ struct Slice {
 }
 
 impl Lpips {
+    /// Returns the net that the weights are of.
     pub fn net(&self) -> Net {
         self.net
     }
 
+    /// Returns the range in which images are given to the net.
     pub fn range(&self) -> InputRange {
         self.range
     }
 
-    /// SHA-256 of the weights' file, in hex.
+    /// Returns the SHA-256 of the weights' file, in hex.
     pub fn sha256(&self) -> &str {
         &self.sha256
     }
 
-    /// Shortest side of an image that the net leaves a pixel of.
+    /// Returns the shortest side of an image that the net leaves a pixel of.
     pub fn min_side_px(&self) -> u32 {
         self.net.min_side_px()
     }
 
     /// Refuses images that the net leaves nothing of.
+    ///
+    /// # Errors
+    /// A side is shorter than [`Lpips::min_side_px`].
     pub fn check_size(&self, width: u32, height: u32) -> Result<()> {
         let least = self.min_side_px();
         if width.min(height) < least {
@@ -120,14 +127,20 @@ impl Lpips {
         Ok(())
     }
 
-    /// LPIPS of two images of one size.
+    /// Returns LPIPS of two images of one size.
+    ///
+    /// # Errors
+    /// The images differ in size, are too small for the net, or are not whole.
     pub fn distance(&self, render: &impl Pixels, truth: &impl Pixels) -> Result<f64> {
         self.distance_where(render, truth, |_| true)
     }
 
-    /// LPIPS of both images with the pixels black whose `mask` (`height * width`) is not set: a
-    /// mean over the whole image, to which pixels far from the mask add nothing. An empty mask
-    /// has none.
+    /// Returns LPIPS of both images with the pixels black whose `mask` (`height * width`) is not
+    /// set: a mean over the whole image, to which pixels far from the mask add nothing. `None` for
+    /// an empty mask.
+    ///
+    /// # Errors
+    /// As [`Lpips::distance`], or a mask of another size.
     pub fn masked_distance(
         &self,
         render: &impl Pixels,
@@ -162,7 +175,7 @@ impl Lpips {
         Ok(sum)
     }
 
-    /// What the first convolution sees.
+    /// Returns the tensor that the first convolution sees.
     fn input(&self, image: &impl Pixels, shows: impl Fn(usize) -> bool) -> Tensor {
         let (width, height) = image.size();
         let value = |i: usize| {
@@ -194,9 +207,9 @@ impl Slice {
     }
 }
 
-/// Mean over the pixels of `sum_c lin_c (a_c / |a| - b_c / |b|)^2`.
+/// Returns the mean over the pixels of `sum_c lin_c (a_c / |a| - b_c / |b|)^2`.
 fn slice_distance(a: &Tensor, b: &Tensor, lin: &[f32]) -> f64 {
-    /// The LPIPS package's.
+    /// Keeps the divisor from 0; the LPIPS package's.
     const EPSILON: f64 = 1e-10;
     let norm = |pixel: &[f32]| {
         let squares: f64 = pixel.iter().map(|&x| f64::from(x).powi(2)).sum();

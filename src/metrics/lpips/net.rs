@@ -5,7 +5,7 @@ use super::Net;
 
 /// A convolution as the net's definition states it.
 pub(super) struct ConvSpec {
-    /// Its number in torchvision's list of layers, and so in the tensors' names.
+    /// Number in torchvision's list of layers, and so in the tensors' names.
     pub index: usize,
     pub n_in: usize,
     pub n_out: usize,
@@ -20,7 +20,7 @@ pub(super) struct SliceSpec {
     pub convs: &'static [ConvSpec],
 }
 
-/// A convolution of stride 1 that keeps the size.
+/// Defines a convolution of stride 1 that keeps the size.
 const fn same(index: usize, n_in: usize, n_out: usize, side: usize) -> ConvSpec {
     ConvSpec {
         index,
@@ -93,7 +93,8 @@ impl Net {
         }
     }
 
-    /// Shortest side of an image that leaves the last slice a pixel: backwards from one pixel.
+    /// Returns the shortest side of an image that leaves the last slice a pixel, backwards from
+    /// that one.
     pub(super) fn min_side_px(self) -> u32 {
         let mut side = 1;
         for slice in self.slices().iter().rev() {

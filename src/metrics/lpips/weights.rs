@@ -69,7 +69,7 @@ impl Lpips {
     }
 }
 
-/// A regular file of bounded size: a device has no end.
+/// Reads a regular file of bounded size: a device has no end.
 fn read_bounded(path: &Path) -> Result<Vec<u8>> {
     let is_bounded = |meta: std::fs::Metadata| meta.is_file() && meta.len() <= MAX_BYTES;
     if std::fs::metadata(path).is_ok_and(|meta| !is_bounded(meta)) {
@@ -90,8 +90,8 @@ fn lin_name(slice: usize) -> String {
     format!("lin{slice}.model.1.weight")
 }
 
-/// The net that more of the file's convolutions belong to, so that one that is missing does not
-/// hide which net it is.
+/// Returns the net that more of the file's convolutions belong to, so that one that is missing does
+/// not hide which net it is.
 fn net_of(file: &SafeTensors) -> Result<Net> {
     let [alex, vgg] = Net::ALL.map(|net| {
         let names = net.slices().iter().enumerate().flat_map(|(i, spec)| {
@@ -135,7 +135,7 @@ fn read_conv(file: &SafeTensors, slice: usize, spec: &ConvSpec) -> Result<Conv> 
     })
 }
 
-/// `[n_out][n_in][n_taps]` to `[n_taps][n_in][n_out]`.
+/// Reorders `[n_out][n_in][n_taps]` to `[n_taps][n_in][n_out]`.
 fn reordered(stored: &[f32], n_out: usize, n_in: usize, n_taps: usize) -> Vec<f32> {
     let mut weights = Vec::with_capacity(stored.len());
     for tap in 0..n_taps {
@@ -146,7 +146,7 @@ fn reordered(stored: &[f32], n_out: usize, n_in: usize, n_taps: usize) -> Vec<f3
     weights
 }
 
-/// The values of a tensor that must be there, in f32, of this shape and finite.
+/// Returns the values of a tensor that must be there, in f32, of this shape and finite.
 fn tensor(file: &SafeTensors, name: &str, shape: &[usize]) -> Result<Vec<f32>> {
     let fault = |what: String| {
         Error::new(what)
