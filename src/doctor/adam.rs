@@ -25,7 +25,10 @@ pub const CENTERS: [[f64; 3]; 2] = [[1.6, -0.55, 0.23], [-0.7, 0.51, 2.03]];
 
 const CLASSES: [&str; 5] = ["means", "opacity", "scales", "rotations", "SH"];
 
-/// Large rates, so that what is compared is the change and not the start.
+/// Returns a config of large rates, so that what is compared is the change and not the start.
+///
+/// # Errors
+/// None in practice: the preset is the program's own.
 pub fn config() -> Result<Config> {
     let mut config = Config::preset("paper")?;
     config.iterations = 2 * STEPS;
@@ -41,13 +44,16 @@ pub fn config() -> Result<Config> {
     Ok(config)
 }
 
-/// A workspace whose gradients are written by hand.
+/// Makes a workspace whose gradients are written by hand.
+///
+/// # Errors
+/// As [`Workspace::new`].
 pub fn workspace(ctx: &Context, stride: usize) -> Result<Workspace> {
     let view = view_of(&cameras()[0]);
     Workspace::new(&ctx.gpu, Capacity::new(stride, 64, &[view]), true)
 }
 
-/// Parameters or moments by class.
+/// Returns parameters or moments by class.
 fn numbers(g: &Gaussians) -> [Vec<f64>; 5] {
     let xyz = |v: &[glam::Vec3]| v.iter().flat_map(|v| v.to_array().map(f64::from)).collect();
     [
@@ -59,7 +65,7 @@ fn numbers(g: &Gaussians) -> [Vec<f64>; 5] {
     ]
 }
 
-/// What the backward passes of a step leave, drawn at random.
+/// Random numbers in place of what the backward passes of a step leave.
 struct Drawn {
     stride: usize,
     geometry: Vec<f32>,
@@ -74,7 +80,7 @@ impl Drawn {
         let geometry = draw(12 * stride);
         let mut color = draw(8 * stride);
         if n_views == 1 {
-            // What an unused slot holds must not matter.
+            // An unused slot must not matter, whatever it holds.
             color[4 * stride..].fill(7.0);
         }
         Drawn {
@@ -84,7 +90,7 @@ impl Drawn {
         }
     }
 
-    /// The gradient by class; SH up to `degree` of the `n_sh` coefficients stored.
+    /// Returns the gradient by class; SH up to `degree` of the `n_sh` coefficients stored.
     fn gradients(&self, means: &[f64], n_views: usize, degree: u32, n_sh: usize) -> [Vec<f64>; 5] {
         let plane =
             |p: usize, i: usize, c: usize| f64::from(self.geometry[4 * (p * self.stride + i) + c]);
@@ -160,11 +166,11 @@ impl Twin {
     }
 }
 
-/// Distance that about half of the Gaussians lie beyond.
+/// Distance from the origin that about half of the Gaussians lie beyond.
 pub const FROZEN_BEYOND: f32 = 0.635;
 
-/// Steps a model of degree `stored`, the active degree rising to it, over one view or two, the
-/// geometry beyond `frozen_beyond` staying as it is.
+/// Steps a model of degree `stored`, the active degree rising to it, over one view or two, and
+/// holds it to the reference. The geometry beyond `frozen_beyond` stays as it is.
 ///
 /// # Errors
 /// A GPU fault, or a case that the adapter cannot hold.
@@ -174,8 +180,8 @@ pub fn examine(ctx: &Context, stored: u32, n_views: usize, frozen_beyond: f32) -
     let case = random_scene(N, stored as usize, 80 + u64::from(stored));
     let mut start = gaussians_of(&case.gaussians, stored);
     if frozen_beyond.is_finite() {
-        // It stays where it is, a ten-thousandth of the scene from a camera: an error of that place would
-        // show ten-thousandfold in the direction.
+        // It stays where it is, a ten-thousandth of the scene from a camera: an error of that place
+        // would show ten-thousandfold in the direction.
         start.means[0] = CENTERS[0].map(|x| (x + 5e-5) as f32).into();
     }
     let n_sh = start.n_sh();

@@ -1,4 +1,4 @@
-//! What the adapter is and can do, beside what the kernels need.
+//! The adapter's properties, and its limits beside what the kernels need.
 
 use serde::Serialize;
 
@@ -6,8 +6,9 @@ use crate::gpu::Gpu;
 use crate::gpu::constants::WORKGROUP;
 use crate::render::most_gaussians;
 
-/// Most storage buffers that a kernel binds (`project_backward`), and uniform buffers.
+/// Most storage buffers that a kernel binds (`project_backward`).
 pub const STORAGE_BUFFERS: u32 = 13;
+/// Most uniform buffers that a kernel binds.
 pub const UNIFORM_BUFFERS: u32 = 2;
 /// Most bytes that a workgroup shares (`pose_backward`).
 pub const WORKGROUP_BYTES: u32 = 2048;
@@ -15,39 +16,52 @@ pub const WORKGROUP_BYTES: u32 = 2048;
 /// The adapter and its limits.
 #[derive(Clone, Debug, Serialize)]
 pub struct Adapter {
+    /// Name, as the driver gives it.
     pub name: String,
+    /// The driver's name and version.
     pub driver: String,
+    /// Graphics API, as wgpu names it: `vulkan`, `metal`, `dx12`.
     pub backend: String,
+    /// Kind of device, as wgpu names it: `DiscreteGpu`, `IntegratedGpu`, `Cpu`.
     pub kind: String,
+    /// Limits that a kernel could exceed.
     pub limits: Vec<Limit>,
-    /// Largest buffer that a kernel can bind, and largest buffer, bytes.
+    /// Largest buffer that a kernel can bind, bytes.
     pub max_binding_bytes: u64,
+    /// Largest buffer, bytes.
     pub max_buffer_bytes: u64,
-    /// Gaussians of SH degree 3, and (tile, Gaussian) pairs of a view, that a binding holds.
+    /// Gaussians of SH degree 3 that a binding holds.
     pub most_gaussians: usize,
+    /// (tile, Gaussian) pairs of a view that a binding holds.
     pub most_pairs: u64,
+    /// Whether there are timestamps; without them times are wall-clock time.
     pub timestamps: bool,
-    /// Smallest and largest subgroup; not used.
+    /// Threads of the smallest and of the largest subgroup; `None` without subgroups. Not used.
     pub subgroups: Option<[u32; 2]>,
-    /// Half floats in shaders; not used.
+    /// Whether shaders can use half floats; not used.
     pub half_floats: bool,
 }
 
 /// A limit that a kernel could exceed.
 #[derive(Clone, Debug, Serialize)]
 pub struct Limit {
+    /// What is limited, with its unit, as the report writes it.
     pub name: &'static str,
+    /// The adapter's limit.
     pub adapter: u32,
+    /// The most that a kernel needs.
     pub needed: u32,
 }
 
 impl Limit {
+    /// Returns whether every kernel keeps within the limit.
     pub fn holds(&self) -> bool {
         self.adapter >= self.needed
     }
 }
 
 impl Adapter {
+    /// Reads properties and limits of an opened adapter.
     pub fn of(gpu: &Gpu) -> Adapter {
         let (info, limits) = (&gpu.info, &gpu.limits);
         let limit = |name, adapter, needed| Limit {

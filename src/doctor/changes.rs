@@ -13,13 +13,16 @@ use crate::render::{BLOCK_PLANES, Model, n_blocks};
 use crate::train::optimizer::Optimizer;
 use crate::train::policy::{NEW, Plan};
 
-/// Distance within which [`examine_reset`] resets: that of about two thirds of the Gaussians.
+/// Distance from the origin within which [`examine_reset`] resets: that of about two thirds of the
+/// Gaussians.
 pub const RESET_WITHIN: f32 = 0.7;
 
 /// A number of Gaussians, and the number that there is room for.
 #[derive(Clone, Copy, Debug)]
 pub struct SetSize {
+    /// Gaussians.
     pub n: usize,
+    /// Room for Gaussians, at least `n`.
     pub stride: usize,
 }
 
@@ -35,7 +38,7 @@ fn fill(gpu: &Gpu, model: &Model, seed: u64) {
     }
 }
 
-/// A plan of `len` Gaussians out of `n`, two fifths of them new.
+/// Draws a plan of `len` Gaussians out of `n`, two fifths of them new.
 pub fn random_plan(n: usize, len: usize, seed: u64) -> Plan {
     let mut random = Random::new(seed);
     let mut plan = Plan::default();
@@ -49,7 +52,7 @@ pub fn random_plan(n: usize, len: usize, seed: u64) -> Plan {
     plan
 }
 
-/// The set that a plan makes of `old`; moments of new Gaussians are 0.
+/// Returns the set that a plan makes of `old`; moments of new Gaussians are 0.
 fn carried_out(old: &Gaussians, plan: &Plan, moments: bool) -> Gaussians {
     let n_sh = 3 * old.n_sh();
     let mut new = Gaussians {
@@ -76,7 +79,10 @@ fn carried_out(old: &Gaussians, plan: &Plan, moments: bool) -> Gaussians {
     new
 }
 
-/// `n` Gaussians in room for `stride`, and moments of noise.
+/// Makes an optimizer of `n` Gaussians with room for `stride`, and moments of noise.
+///
+/// # Errors
+/// A case that the adapter cannot hold.
 pub fn optimizer(ctx: &Context, n: usize, stride: usize, degree: u32) -> Result<Optimizer> {
     let gpu = &ctx.gpu;
     let start = gaussians_of(&random_scene(n, degree as usize, 95).gaussians, degree);
@@ -95,7 +101,7 @@ fn download(ctx: &Context, optimizer: &Optimizer) -> Result<[Gaussians; 3]> {
     ])
 }
 
-/// Number of floats whose bits differ.
+/// Counts floats whose bits differ.
 fn n_different(a: &Gaussians, b: &Gaussians) -> usize {
     let bits = |g: &Gaussians| -> Vec<u32> {
         let xyz = |v: &[Vec3]| v.iter().flat_map(Vec3::to_array).collect::<Vec<f32>>();
@@ -117,7 +123,8 @@ fn n_different(a: &Gaussians, b: &Gaussians) -> usize {
     a.len().abs_diff(b.len()) + a.iter().zip(&b).filter(|(a, b)| a != b).count()
 }
 
-/// Carries `plan` out on `n` Gaussians: to the bit, as the changes are one addition each.
+/// Carries `plan` out on `n` Gaussians and compares to the bit, as the changes are one addition
+/// each.
 ///
 /// # Errors
 /// A GPU fault, or a case that the adapter cannot hold.
@@ -142,7 +149,7 @@ pub fn examine_rearrange(
     Ok(out)
 }
 
-/// The same of a plan that densifies, after which statistics start anew, or of one that does not.
+/// Does so for a plan that densifies, after which statistics start anew, or for one that does not.
 fn examine_one(
     ctx: &Context,
     plan: &Plan,
@@ -184,8 +191,8 @@ fn examine_one(
     Ok(())
 }
 
-/// Resets the opacities of `n` Gaussians: but for those far out they fall to the ceiling, and their
-/// moments to zero.
+/// Resets the opacities of `n` Gaussians and compares: but for those far out they fall to the
+/// ceiling, and their moments to zero.
 ///
 /// # Errors
 /// A GPU fault, or a case that the adapter cannot hold.

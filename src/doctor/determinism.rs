@@ -1,4 +1,4 @@
-//! Whether two trainings with one seed end in the same bits on this adapter.
+//! Checks that two trainings with one seed end in the same bits on this adapter.
 
 use serde::Serialize;
 
@@ -12,18 +12,21 @@ use crate::run::Seconds;
 use crate::scene::builtin::{BuiltinOptions, scene};
 use crate::train::train;
 
-/// Two runs of one training.
+/// Two runs of one training, compared.
 #[derive(Clone, Debug, Serialize)]
 pub struct Repeat {
+    /// Iterations of each run.
     pub iterations: u32,
     /// Gaussians at the end.
     pub n_gaussians: usize,
-    /// Digests of every parameter's bits, one a run.
+    /// Digests of every parameter's bits, one a run, 16 hex digits each.
     pub hashes: [String; 2],
+    /// Whether both digests are equal.
     pub holds: bool,
 }
 
-/// The paper's method with everything happening early, on a tiny image of the built-in scene.
+/// Returns the paper's method with everything happening early, for a tiny image of the built-in
+/// scene.
 fn config() -> Result<Config> {
     let mut config = Config::preset("paper")?;
     config.iterations = 60;
@@ -41,7 +44,7 @@ fn config() -> Result<Config> {
     Ok(config)
 }
 
-/// Trains twice.
+/// Trains twice with one seed and compares.
 ///
 /// # Errors
 /// A GPU fault.
@@ -70,7 +73,7 @@ pub fn repeat(ctx: &Context) -> Result<Repeat> {
     })
 }
 
-/// First digits of the digest of every parameter's bits.
+/// Returns the first digits of the digest of every parameter's bits.
 fn hash_of(g: &Gaussians) -> String {
     let parts: [&[u8]; 5] = [
         bytemuck::cast_slice(&g.means),

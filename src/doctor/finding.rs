@@ -1,4 +1,4 @@
-//! What a comparison has found.
+//! Findings: what comparisons result in.
 
 use serde::Serialize;
 
@@ -7,9 +7,11 @@ use crate::doctor::twin::compare::{held_l2, held_off_mask};
 /// One quantity of one stage held against the reference.
 #[derive(Clone, Debug, Serialize)]
 pub struct Finding {
+    /// Name of the stage, one of those in `stage::ALL`.
     pub stage: &'static str,
     /// The input, with its size.
     pub case: String,
+    /// The quantity that was compared.
     pub what: String,
     /// Relative L2, largest difference of an image, or number of integers that differ; infinite
     /// (null in JSON) where a value is not finite.
@@ -19,12 +21,12 @@ pub struct Finding {
 }
 
 impl Finding {
-    /// Whether the error is in bounds.
+    /// Returns whether the error is in bounds.
     pub fn holds(&self) -> bool {
         self.error <= self.bound
     }
 
-    /// The error as a share of its bound.
+    /// Returns the error as a share of its bound.
     pub fn severity(&self) -> f64 {
         if self.error == 0.0 {
             0.0
@@ -38,11 +40,12 @@ impl Finding {
 #[derive(Clone, Debug)]
 pub struct Findings {
     case: String,
+    /// The findings so far, in the order in which they came.
     pub list: Vec<Finding>,
 }
 
 impl Findings {
-    /// No findings yet, for the case that `case` names, with its size.
+    /// Starts without findings, for the case that `case` names, with its size.
     pub fn of(case: impl Into<String>) -> Findings {
         Findings {
             case: case.into(),
@@ -50,7 +53,7 @@ impl Findings {
         }
     }
 
-    /// Relative L2 against the reference.
+    /// Adds the relative L2 error against the reference.
     pub fn close(
         &mut self,
         (stage, what): (&'static str, &str),
@@ -61,7 +64,7 @@ impl Findings {
         self.add((stage, what), held_l2(ours, reference, bound), bound);
     }
 
-    /// Largest difference over the pixels that `mask` leaves out.
+    /// Adds the largest difference over the pixels that `mask` leaves out.
     pub fn image(
         &mut self,
         (stage, what): (&'static str, &str),
@@ -74,7 +77,7 @@ impl Findings {
         self.add((stage, what), error, bound);
     }
 
-    /// Number of entries that differ.
+    /// Adds the number of entries that differ.
     pub fn equal<T: PartialEq>(
         &mut self,
         (stage, what): (&'static str, &str),
@@ -86,12 +89,12 @@ impl Findings {
         self.none((stage, what), missing + differ);
     }
 
-    /// Number of entries that are wrong.
+    /// Adds the number of entries that are wrong, of which none may be.
     pub fn none(&mut self, (stage, what): (&'static str, &str), n_wrong: usize) {
         self.add((stage, what), n_wrong as f64, 0.0);
     }
 
-    /// An error of any other kind.
+    /// Adds an error of any other kind; a NaN counts as infinite.
     pub fn add(&mut self, (stage, what): (&'static str, &str), error: f64, bound: f64) {
         self.list.push(Finding {
             stage,

@@ -19,18 +19,22 @@ type Row = [f64; 9];
 
 const COLUMNS: [&str; 9] = ["u", "v", "A", "B", "C", "r", "g", "b", "opacity"];
 
-/// How long the tile lists are.
+/// Total lengths of the tile lists of a view.
 #[derive(Clone, Copy, Debug)]
 pub struct ListLengths {
     /// Pairs that some pixel needs.
     pub needed: usize,
+    /// Pairs that the GPU has listed.
     pub listed: usize,
     /// Pairs that the splats' bounding boxes would make.
     pub boxes: usize,
 }
 
-/// Runs the stages up to the tile ranges one by one on a poisoned workspace and holds each
-/// against the reference's splats. The pairs must fit.
+/// Runs the stages up to the tile ranges one by one on a poisoned workspace and holds each against
+/// the reference's splats. The pairs must fit.
+///
+/// # Errors
+/// A GPU fault.
 pub fn examine(
     ctx: &Context,
     rig: &Rig,
@@ -98,8 +102,8 @@ pub fn examine(
     Ok(lengths)
 }
 
-/// `None` where a Gaussian is not drawn. The conic is stored as its Cholesky factor L scaled by
-/// `sqrt(log2(e) / 2)`, the mean as L (anchor - mean).
+/// Reads the splats back; `None` for a Gaussian that is not drawn. The conic is stored as its
+/// Cholesky factor L scaled by `sqrt(log2(e) / 2)`, the mean as L (anchor - mean).
 fn read_splats(ctx: &Context, rig: &Rig) -> Result<Vec<Option<Row>>> {
     let splats: Vec<Splat> = rig.read(ctx, "splats", rig.model.n)?;
     let two_ln_2 = 2.0 * std::f64::consts::LN_2;
@@ -149,8 +153,9 @@ fn hold_splats(splats: &[Option<Row>], twin: &[TwinSplat], bound: f64, out: &mut
     }
 }
 
-/// Keys order as the reference's depths do; those of splats that are not drawn come last. Depths may
-/// share a key only where f32 holds neither them nor their distances from the frame's origin apart.
+/// Holds keys to the reference's depths: keys order as these do; those of splats that are not drawn
+/// come last. Depths may share a key only where f32 holds neither them nor their distances from the
+/// frame's origin apart.
 fn hold_keys(
     keys: &[[u32; 2]],
     splats: &[Option<Row>],
@@ -176,14 +181,14 @@ fn hold_keys(
     out.equal((stage::PROJECT, "Gaussians of keys"), &ids, &expected);
 }
 
-/// By key, equal keys as they were.
+/// Sorts by key and leaves equal keys as they were.
 fn sorted(entries: &[[u32; 2]]) -> Vec<[u32; 2]> {
     let mut sorted = entries.to_vec();
     sorted.sort_by_key(|entry| entry[0]);
     sorted
 }
 
-/// Sums of all counts before each, and of all.
+/// Returns the sums of all counts before each, and of all.
 fn exclusive_sums(counts: &[u32]) -> Vec<u32> {
     let mut sum = 0;
     let mut sums = vec![0];
@@ -194,7 +199,7 @@ fn exclusive_sums(counts: &[u32]) -> Vec<u32> {
     sums
 }
 
-/// First and one past the last entry of each tile.
+/// Returns the first and one past the last entry of each tile.
 fn ranges_of(tile_pairs: &[[u32; 2]], n_tiles: usize) -> Vec<[u32; 2]> {
     let mut ranges = vec![[0; 2]; n_tiles];
     for (i, [tile, _]) in tile_pairs.iter().enumerate() {
@@ -208,8 +213,8 @@ fn ranges_of(tile_pairs: &[[u32; 2]], n_tiles: usize) -> Vec<[u32; 2]> {
     ranges
 }
 
-/// Block by block, a block's tiles by length, longest first, equal ones in rows; the number of
-/// tiles stands for those outside the image.
+/// Returns the tiles block by block, a block's tiles by length, longest first, equal ones in rows;
+/// the number of tiles stands for those outside the image.
 fn order_of(ranges: &[[u32; 2]], grid: &TileGrid) -> Vec<u32> {
     let (columns, rows) = (grid.columns(), ranges.len() / grid.columns());
     let [block_w, block_h] = [BLOCK_W, BLOCK_H].map(|side| side as usize);
@@ -236,8 +241,9 @@ struct Emitted<'a> {
     gaussian_pairs: Vec<[u32; 2]>,
 }
 
-/// Pairs are numbered splat by splat in depth order, as many as were counted, each splat's tiles
-/// ascending; every tile that a pixel needs is there, and none off the splat's bounding box.
+/// Holds the pairs to the reference: they are numbered splat by splat in depth order, as many as
+/// were counted, each splat's tiles ascending; every tile that a pixel needs is there, and none off
+/// the splat's bounding box.
 fn hold_pairs(
     emitted: &Emitted<'_>,
     order: &[[u32; 2]],
@@ -293,8 +299,8 @@ fn hold_pairs(
     lengths
 }
 
-/// First and last tile, across and down, that meet the box around the ellipse on which alpha is
-/// 1/255, a little more than the rim by which lists may reach further.
+/// Returns the first and last tile, across and down, that meet the box around the ellipse on which
+/// alpha is 1/255, a little more than the rim by which lists may reach further.
 fn box_of(splat: &TwinSplat, grid: &TileGrid) -> [[i64; 2]; 2] {
     let q = 2.0 * (splat.opacity / ALPHA_MIN).ln().max(0.0);
     let size = [grid.tile_width, grid.tile_height];

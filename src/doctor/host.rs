@@ -60,7 +60,8 @@ pub fn examine_field(config: &Config) -> (Findings, Timing) {
 const N_POINTS: usize = 4000;
 const SPLAT_SIZE: (u32, u32) = (97, 63);
 
-/// Holds colours and mask of a splatted cloud: single pixels to the byte, discs to the level.
+/// Holds colours and mask of a splatted cloud to brute force: single pixels to the byte, discs to
+/// the level.
 ///
 /// # Errors
 /// None in practice: the settings are allowed ones.
@@ -103,17 +104,20 @@ fn splat_config(config: &Config, footprint: Footprint) -> SplatConfig {
 
 /// A cloud to splat into one camera.
 pub struct SplatCase {
+    /// Points to splat, in the frame of the cameras.
     pub cloud: PointCloud,
+    /// Camera that they are splatted into.
     pub camera: Camera,
-    /// Gives discs their radii.
+    /// Camera from which discs have their radii.
     pub source: Camera,
+    /// Near plane: camera z up to which no point is seen.
     pub near: f64,
 }
 
 /// Holds the splat of `case` to brute force.
 ///
 /// # Errors
-/// What [`splat_views`] refuses.
+/// The settings or views are such as [`splat_views`] refuses.
 pub fn examine_splat(case: &SplatCase, config: &SplatConfig) -> Result<Findings> {
     let SplatCase {
         cloud,
@@ -155,7 +159,7 @@ pub fn examine_splat(case: &SplatCase, config: &SplatConfig) -> Result<Findings>
     Ok(out)
 }
 
-/// Colour of every pixel by brute force, 0 to 255.
+/// Returns the colour of every pixel by brute force, 0 to 255; `None` where no point shows.
 fn expected_splat(case: &SplatCase, config: &SplatConfig) -> Vec<Option<[f64; 3]>> {
     let (near, cloud) = (case.near, &case.cloud);
     let points: Vec<[f64; 3]> = cloud.positions.iter().map(DVec3::to_array).collect();

@@ -11,13 +11,19 @@ use crate::gpu::Commands;
 use crate::gpu::constants::PAIR_BLOCK;
 use crate::render::Rendered;
 
-/// What a view is held against.
+/// The reference's image, its weights in a linear loss, and the gradients of that loss.
 pub struct Truth<'a> {
+    /// The image, `[height][width][3]`.
     pub rgb: &'a [f64],
+    /// `[height][width]`: 1 - final transmittance.
     pub alpha: &'a [f64],
+    /// `[height][width]`: whether single precision may decide otherwise at a pixel.
     pub fragile: &'a [bool],
+    /// Gradient of the loss with respect to `rgb`.
     pub d_rgb: &'a [f64],
+    /// Gradient of the loss with respect to `alpha`.
     pub d_alpha: &'a [f64],
+    /// Name and flat gradient of every class of stored parameters.
     pub classes: [(&'static str, Vec<f64>); 5],
 }
 
@@ -47,7 +53,7 @@ pub fn hold_image(image: &Rendered, truth: &Truth<'_>, bound: f64, out: &mut Fin
     }
 }
 
-/// Holds the gradient of every class of parameters.
+/// Holds the gradient of every class of parameters, relative L2.
 pub fn hold_gradients(
     ours: &ViewGradients,
     gaussians: &TwinGaussians,
@@ -69,8 +75,8 @@ pub fn hold_gradients(
     }
 }
 
-/// The SH gradient, which the GPU never stores: a coefficient's basis function times the colour's
-/// gradient.
+/// Returns the SH gradient, which the GPU never stores: a coefficient's basis function times the
+/// colour's gradient.
 fn expand_sh(color: &[[f64; 3]], gaussians: &TwinGaussians, camera: &TwinCamera) -> Vec<f64> {
     let center = camera.center();
     let n_sh = (gaussians.sh_degree + 1).pow(2);
@@ -87,11 +93,17 @@ fn expand_sh(color: &[[f64; 3]], gaussians: &TwinGaussians, camera: &TwinCamera)
 /// The reference's splats and their gradients.
 #[derive(Clone, Copy)]
 pub struct TwinSplats<'a> {
+    /// Projected Gaussians, in the Gaussians' order.
     pub splats: &'a [TwinSplat],
+    /// Gradients to `splats`, in the same order.
     pub gradients: &'a [SplatGradient],
 }
 
-/// Carries `truth`'s weights back stage by stage after a forward pass.
+/// Carries `truth`'s weights back stage by stage after a forward pass, holds each stage to the
+/// reference, and returns the gradients for [`hold_gradients`].
+///
+/// # Errors
+/// A GPU fault.
 pub fn examine_backward(
     ctx: &Context,
     rig: &Rig,
@@ -141,7 +153,7 @@ pub fn examine_backward(
     rig.gradients(ctx)
 }
 
-/// Each pair's sums: `v, v t_x, v t_y, v t_x^2, v t_x t_y, v t_y^2, d_rgb`.
+/// Reads each pair's sums: `v, v t_x, v t_y, v t_x^2, v t_x t_y, v t_y^2, d_rgb`.
 fn read_pairs(ctx: &Context, rig: &Rig, n_pairs: usize) -> Result<Vec<[f32; 9]>> {
     let a: Vec<[f32; 4]> = rig.read(ctx, "d_pair_a", n_pairs)?;
     let b: Vec<[f32; 4]> = rig.read(ctx, "d_pair_b", n_pairs)?;
@@ -153,7 +165,7 @@ fn read_pairs(ctx: &Context, rig: &Rig, n_pairs: usize) -> Result<Vec<[f32; 9]>>
     Ok(pairs.map(join).collect())
 }
 
-/// The sum over a range of pairs.
+/// Returns the sum over a range of pairs.
 fn sum_of(pairs: &[[f32; 9]], [first, end]: &[u32; 2]) -> SplatGradient {
     let end = (*end as usize).min(pairs.len());
     let mut sum = [0.0; 9];
@@ -165,8 +177,8 @@ fn sum_of(pairs: &[[f32; 9]], [first, end]: &[u32; 2]) -> SplatGradient {
     sum
 }
 
-/// Entries of `summed` that are not what `pairs` add up to: the first pair of an aligned block that is
-/// one Gaussian's holds the block's sum, that of a block of such blocks theirs.
+/// Counts entries of `summed` that are not what `pairs` add up to: the first pair of an aligned
+/// block that is one Gaussian's holds the block's sum, that of a block of such blocks theirs.
 fn n_wrong_sums(pairs: &[[f32; 9]], summed: &[[f32; 9]], ranges: &[[u32; 2]]) -> usize {
     let mut n_summed = vec![1; pairs.len()];
     for [first, end] in ranges {
@@ -194,8 +206,8 @@ fn n_wrong_sums(pairs: &[[f32; 9]], summed: &[[f32; 9]], ranges: &[[u32; 2]]) ->
     (0..pairs.len()).filter(is_wrong).count()
 }
 
-/// The reference's gradient to a splat in the terms of [`pair_sums`]: `v` is the gradient of the
-/// exponent and `t = (l_xx dx + l_xy dy, l_yy dy)` with `|t|^2 ln 2 = q / 2`.
+/// Returns the reference's gradient to a splat in the terms of [`read_pairs`]: `v` is the gradient
+/// of the exponent and `t = (l_xx dx + l_xy dy, l_yy dy)` with `|t|^2 ln 2 = q / 2`.
 fn moments_of(splat: &TwinSplat, d: &SplatGradient) -> SplatGradient {
     if !splat.valid {
         return [0.0; 9];
@@ -223,7 +235,7 @@ fn moments_of(splat: &TwinSplat, d: &SplatGradient) -> SplatGradient {
     ]
 }
 
-/// What densification looks at: the gradient of the mean on screen and the radius there.
+/// Holds what densification looks at: the gradient of the mean on screen and the radius there.
 fn hold_screen(
     ctx: &Context,
     rig: &Rig,

@@ -19,32 +19,40 @@ pub const SSIM_WEIGHT: f64 = 0.2;
 /// The size of a photograph as it is trained on.
 pub const LARGE: (usize, usize) = (1600, 1067);
 
-/// What the images look like.
+/// Content of the two images.
 #[derive(Clone, Copy, Debug)]
 pub enum Kind {
+    /// Random values; the render's go beyond `[0, 1]`.
     Noise,
     /// Flat but for the last bits of 8: SSIM's variances nearly vanish.
     Flat,
-    /// The render is exactly the goal.
+    /// The render is exactly the target image.
     Equal,
+    /// All values are 0.
     Black,
 }
 
 /// The weights of pixels.
 #[derive(Clone, Copy, Debug)]
 pub enum MaskKind {
+    /// A random half of the pixels.
     Half,
+    /// A single pixel near the middle.
     OnePixel,
+    /// All pixels but those of a rectangle.
     Hole,
     /// The hole at a weight below 1.
     Filled,
     /// Every weight at random.
     Any,
+    /// Every pixel, at weight 1.
     Full,
+    /// No pixel: the losses are of nothing.
     Empty,
 }
 
 impl MaskKind {
+    /// Every kind of mask.
     pub const ALL: [MaskKind; 7] = [
         MaskKind::Half,
         MaskKind::OnePixel,
@@ -67,7 +75,7 @@ impl MaskKind {
         }
     }
 
-    /// Weights in 255ths, `height * width`.
+    /// Returns the weights in 255ths, `height * width`.
     fn of(self, width: usize, height: usize) -> Vec<u8> {
         let n = width * height;
         let mut random = Random::new(n as u64);
@@ -94,14 +102,17 @@ impl MaskKind {
     }
 }
 
-/// A render and what it should be.
+/// A render and the target image that it is compared with.
 pub struct LossCase {
+    /// Width and height, pixels.
     pub size: (usize, usize),
+    /// Content of both images.
     pub kind: Kind,
+    /// Weights of the pixels; `None`: the loss has no mask.
     pub mask: Option<MaskKind>,
 }
 
-/// `height * width * 3` bytes of the goal and values of the render.
+/// Returns `height * width * 3` bytes of the target image and values of the render.
 fn images(kind: Kind, (width, height): (usize, usize)) -> (Vec<u8>, Vec<f64>) {
     let mut random = Random::new(width as u64 * 1000 + height as u64);
     let mut value = |i: usize| match kind {
@@ -123,7 +134,10 @@ fn images(kind: Kind, (width, height): (usize, usize)) -> (Vec<u8>, Vec<f64>) {
     (0..3 * width * height).map(of_value).unzip()
 }
 
-/// A rig for images of this size; what it would render does not matter.
+/// Makes a rig for images of this size; what it would render does not matter.
+///
+/// # Errors
+/// A case that the adapter cannot hold.
 pub fn rig(ctx: &Context, (width, height): (usize, usize)) -> Result<Rig> {
     let camera = Camera {
         name: "any".into(),
@@ -152,8 +166,8 @@ pub fn rig(ctx: &Context, (width, height): (usize, usize)) -> Result<Rig> {
     )
 }
 
-/// Holds the losses and their gradient of one pair of images; what lies in the padding must not
-/// matter, nor get a gradient.
+/// Holds the losses and their gradient of one pair of images to the reference; what lies in the
+/// padding must not matter, nor get a gradient.
 ///
 /// # Errors
 /// A GPU fault, or a case that the adapter cannot hold.
@@ -213,12 +227,12 @@ pub fn examine(ctx: &Context, case: &LossCase) -> Result<Findings> {
     Ok(out)
 }
 
-/// Goal and residual of [`examine_residual`], red, green and blue.
+/// Colour of the target image and residual of [`examine_residual`], red, green and blue.
 const FLAT_GOAL: [u8; 3] = [40, 128, 200];
 const RESIDUAL: f64 = 0.45;
 
-/// Holds the losses and their gradient of a flat image of any size of at least 21 pixels a side, all of
-/// it off by the same.
+/// Holds the losses and their gradient of a flat image of any size of at least 21 pixels a side,
+/// all of it off by the same.
 ///
 /// A pixel's gradient hangs on its distance from the edges up to ten pixels alone, so the reference
 /// is that of 21x21; sums over the image are linear in either of its sides.
@@ -269,7 +283,7 @@ pub fn examine_residual(ctx: &Context, (width, height): (usize, usize)) -> Resul
     Ok(out)
 }
 
-/// RGBA8 of a goal.
+/// Returns the RGBA8 of a target image.
 fn texels(goal: &[u8], alpha: &[u8]) -> Vec<u32> {
     let pixels = goal.chunks_exact(3).zip(alpha);
     pixels

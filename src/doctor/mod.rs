@@ -1,5 +1,6 @@
-//! Whether this program computes on an adapter what it should: every kernel against the f64
-//! [`crate::doctor::twin`], how long each takes, and whether training repeats to the bit.
+//! Checks that this program computes on an adapter what it should: it holds every kernel to the f64
+//! [`crate::doctor::twin`], measures how long each takes, and sees whether training repeats to the
+//! bit.
 //!
 //! Each stage of a view works on what the stage before it left on the GPU, as in training, and is
 //! held to the reference's own result from the stored parameters on; sorts, sums and lists, which
@@ -40,12 +41,16 @@ use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 
-/// What the doctor has found on an adapter.
+/// The doctor's findings on an adapter, and its verdict.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
+    /// This program's version.
     pub version: &'static str,
+    /// The adapter that was examined.
     pub adapter: Adapter,
+    /// Every stage of `stage::ALL`, in that order.
     pub stages: Vec<StageReport>,
+    /// One training, run twice.
     pub repeat: Repeat,
     /// Whether all is well.
     pub holds: bool,
@@ -56,22 +61,26 @@ pub struct Report {
 /// One stage over all its cases.
 #[derive(Clone, Debug, Serialize)]
 pub struct StageReport {
+    /// Name of the stage, one of those in `stage::ALL`.
     pub stage: &'static str,
-    /// How many of `unit` were timed, in how many seconds.
+    /// How many of `unit` were timed; 0 if none were.
     pub count: usize,
+    /// The things that `count` counts.
     pub unit: &'static str,
+    /// Time that all of them took, seconds; NaN if none were timed.
     pub seconds: f64,
-    /// Whether by the adapter's timestamps; otherwise wall-clock time.
+    /// Whether `seconds` is by the adapter's timestamps; otherwise it is wall-clock time.
     pub by_timestamps: bool,
     /// The finding that comes closest to its bound or exceeds it most; `None`: nothing was
     /// compared, which does not pass.
     pub worst: Option<Finding>,
     /// Comparisons made.
     pub n_findings: usize,
+    /// Whether something was compared and all of it is in bounds.
     pub holds: bool,
 }
 
-/// Runs every stage on `gpu` and compares.
+/// Runs every stage on `gpu`, compares and takes the time.
 ///
 /// # Errors
 /// An adapter that lacks what the kernels need, or a GPU fault.
@@ -106,7 +115,7 @@ pub fn examine(gpu: Gpu) -> Result<Report> {
     Ok(Report::new(adapter, repeat, findings, &timings))
 }
 
-/// Every kernel on small cases.
+/// Holds every kernel to the reference on small cases.
 ///
 /// # Errors
 /// A GPU fault.
@@ -173,7 +182,7 @@ impl StageReport {
 }
 
 impl Report {
-    /// The verdict over what was found.
+    /// Sums up what was found, stage by stage, in a verdict.
     pub fn new(
         adapter: Adapter,
         repeat: Repeat,
@@ -194,6 +203,8 @@ impl Report {
         }
     }
 
+    /// Turns the verdict into a result.
+    ///
     /// # Errors
     /// Something is out of bounds: names the stages.
     pub fn verdict(&self) -> Result<()> {
@@ -205,7 +216,7 @@ impl Report {
         Err(Error::new(what).at(&self.adapter.name).way_out(way_out))
     }
 
-    /// The stages that are out of bounds; training, where it does not repeat.
+    /// Returns the stages that are out of bounds, and training if it does not repeat.
     fn failures(&self) -> Vec<&str> {
         let stages = self.stages.iter().filter(|stage| !stage.holds);
         let mut failures: Vec<&str> = stages.map(|stage| stage.stage).collect();

@@ -20,9 +20,13 @@ use crate::train::optimizer::OptimizerKernels;
 
 /// An adapter with every kernel.
 pub struct Context {
+    /// The opened adapter.
     pub gpu: Gpu,
+    /// Kernels of a view, forward and backward.
     pub kernels: Kernels,
+    /// Kernels of the optimiser and of changes of the set.
     pub optimizer: OptimizerKernels,
+    /// Kernels of the gradient with respect to the camera's pose.
     pub pose: PoseKernels,
 }
 
@@ -35,7 +39,10 @@ impl Context {
         Self::from_sources(gpu, &shader::compose)
     }
 
-    /// [`Context::new`] with other sources than the program's.
+    /// Does the same as [`Context::new`] with other sources than the program's.
+    ///
+    /// # Errors
+    /// As [`Context::new`].
     pub fn from_sources(gpu: Gpu, sources: Sources<'_>) -> Result<Context> {
         let context = Context {
             kernels: Kernels::from_sources(&gpu, sources),
@@ -51,29 +58,42 @@ impl Context {
 /// A NaN as f32, far beyond any index as u32.
 pub const POISON: u32 = 0x7fc0_dead;
 
-/// What the stages read but do not write, or the host has written for good.
+/// Buffers that the stages read but do not write, or that the host has written for good.
 const INPUTS: [&str; 7] = ["view", "loss", "geometry", "sh_0", "sh_2", "sh_3", "goal"];
 
 /// One view of one model, with the buffers for its backward.
 pub struct Rig {
+    /// The Gaussians, without room for more.
     pub model: Model,
+    /// Buffers of the view and of its backward.
     pub workspace: Workspace,
+    /// Bind groups of `workspace` and `model`.
     pub bound: Bound,
+    /// Camera, image and dropout of the view.
     pub view: ViewUniform,
+    /// The active degree.
     pub sh_degree: u32,
 }
 
 /// Gradients of a view as the GPU leaves them.
 pub struct ViewGradients {
+    /// To the means, `[n][3]`.
     pub means: Vec<f64>,
+    /// To the opacity logits, `[n]`.
     pub opacity_logit: Vec<f64>,
+    /// To the logarithms of the scales, `[n][3]`.
     pub scale_log: Vec<f64>,
+    /// To the quaternions as stored, `[n][4]`.
     pub rotation_wxyz: Vec<f64>,
-    /// Colour's, after its clamp at 0.
+    /// To the colours, `[n]` of RGB; 0 where a colour is clamped at 0.
     pub color: Vec<[f64; 3]>,
 }
 
 impl Rig {
+    /// Uploads Gaussians and allocates the buffers of one view and of its backward.
+    ///
+    /// # Errors
+    /// A case that the adapter cannot hold.
     pub fn new(
         ctx: &Context,
         gaussians: &Gaussians,
@@ -94,8 +114,11 @@ impl Rig {
         })
     }
 
-    /// A rig for the reference's Gaussians and camera. Coefficients above the view's degree are
-    /// there and must not matter.
+    /// Makes a rig for the reference's Gaussians and camera. Coefficients above the view's degree
+    /// are there and must not matter.
+    ///
+    /// # Errors
+    /// As [`Rig::new`], or a GPU fault.
     pub fn of_twin(ctx: &Context, gaussians: &TwinGaussians, camera: &TwinCamera) -> Result<Rig> {
         let degree = gaussians.sh_degree as u32;
         let own = gaussians_of(gaussians, 3);
@@ -114,7 +137,7 @@ impl Rig {
         Ok(rig)
     }
 
-    /// The view's stages, to be recorded.
+    /// Returns the view's stages, to be recorded.
     pub fn pass<'a>(&'a self, ctx: &'a Context) -> Pass<'a> {
         Pass::new(
             &ctx.gpu,
@@ -131,7 +154,7 @@ impl Rig {
         )
     }
 
-    /// The buffer of this name in the shaders.
+    /// Returns the buffer of this name in the shaders.
     ///
     /// # Panics
     /// If there is none: a fault in this program.
@@ -141,12 +164,15 @@ impl Rig {
         found.unwrap_or_else(|| panic!("no buffer `{name}`")).1
     }
 
-    /// The first `len` values of the buffer of this name.
+    /// Reads the first `len` values of the buffer of this name.
+    ///
+    /// # Errors
+    /// A GPU fault.
     pub fn read<T: Pod>(&self, ctx: &Context, name: &str, len: usize) -> Result<Vec<T>> {
         self.buffer(name).read(&ctx.gpu, len)
     }
 
-    /// Fills every buffer that the stages write.
+    /// Fills every buffer that the stages write with [`POISON`].
     pub fn poison(&self, ctx: &Context) {
         for (name, buffer) in self.workspace.names(&self.model, 0) {
             if !INPUTS.contains(&name) {
@@ -155,7 +181,7 @@ impl Rig {
         }
     }
 
-    /// Poisons, and clears the counts, as the first stage expects it.
+    /// Poisons the buffers and clears the counts, as the first stage expects it.
     pub fn start(&self, ctx: &Context) {
         self.poison(ctx);
         let mut commands = Commands::new(&ctx.gpu);
@@ -163,7 +189,10 @@ impl Rig {
         commands.submit();
     }
 
-    /// Poisons, renders, and makes room where the pairs do not fit.
+    /// Poisons the buffers, renders, and makes room if the pairs do not fit.
+    ///
+    /// # Errors
+    /// A GPU fault, or more pairs than the adapter can hold.
     pub fn forward(&mut self, ctx: &Context) -> Result<Rendered> {
         let gpu = &ctx.gpu;
         until_it_fits(gpu, self.workspace.capacity, |needed| {
@@ -180,12 +209,18 @@ impl Rig {
         self.read_rendered(ctx)
     }
 
-    /// The image as the last rasterization left it.
+    /// Reads the image as the last rasterization left it.
+    ///
+    /// # Errors
+    /// A GPU fault.
     pub fn read_rendered(&self, ctx: &Context) -> Result<Rendered> {
         read_rendered(&ctx.gpu, self.workspace.buffer("rendered"), &self.view)
     }
 
-    /// The first three planes of an image buffer as interleaved pixels, without its padding.
+    /// Reads the first three planes of an image buffer as interleaved pixels, without its padding.
+    ///
+    /// # Errors
+    /// A GPU fault.
     pub fn read_rgb(&self, ctx: &Context, name: &str) -> Result<Vec<f64>> {
         let plane = 4 * self.view.plane_len();
         let values: Vec<f32> = self.read(ctx, name, 3 * plane)?;
@@ -193,7 +228,7 @@ impl Rig {
         Ok(self.pixels().flat_map(of_pixel).collect())
     }
 
-    /// Places of the image's pixels in a padded plane.
+    /// Returns the places of the image's pixels in a padded plane.
     fn pixels(&self) -> impl Iterator<Item = usize> {
         let row_len = 4 * self.view.padded_size().0;
         let (width, height) = (self.view.size[0] as usize, self.view.size[1] as usize);
@@ -219,7 +254,10 @@ impl Rig {
         self.buffer(name).write(&ctx.gpu, &values);
     }
 
-    /// Gradient of `sum(d_rgb * rgb) + sum(d_alpha * alpha)` after [`Rig::forward`].
+    /// Returns the gradient of `sum(d_rgb * rgb) + sum(d_alpha * alpha)` after [`Rig::forward`].
+    ///
+    /// # Errors
+    /// A GPU fault.
     pub fn backward(&self, ctx: &Context, d_rgb: &[f64], d_alpha: &[f64]) -> Result<ViewGradients> {
         self.write_image(ctx, "d_rendered", d_rgb, d_alpha, 0.0);
         let mut commands = Commands::new(&ctx.gpu);
@@ -228,7 +266,10 @@ impl Rig {
         self.gradients(ctx)
     }
 
-    /// What the last backward has left.
+    /// Reads the gradients that the last backward has left.
+    ///
+    /// # Errors
+    /// A GPU fault.
     pub fn gradients(&self, ctx: &Context) -> Result<ViewGradients> {
         let (n, stride) = (self.model.n, self.model.stride);
         let planes: Vec<[f32; 4]> = self.read(ctx, "d_geometry", 3 * stride)?;
@@ -251,7 +292,11 @@ impl Rig {
         })
     }
 
-    /// The image loss of what `rendered` holds against `goal`; returns (L1, SSIM).
+    /// Computes the image loss of the buffer `rendered` against a target image, RGBA8; returns
+    /// `[L1, SSIM]`.
+    ///
+    /// # Errors
+    /// A GPU fault.
     pub fn loss(&self, ctx: &Context, loss: LossUniform, goal: &[u32]) -> Result<[f64; 2]> {
         self.workspace.set_goal(&ctx.gpu, 0, &self.view, goal);
         let mut commands = Commands::new(&ctx.gpu);
@@ -262,7 +307,7 @@ impl Rig {
     }
 }
 
-/// Single precision of a twin's Gaussians, which are exact in it.
+/// Converts a twin's Gaussians, which are exact in single precision, with SH up to `sh_degree`.
 pub fn gaussians_of(twin: &TwinGaussians, sh_degree: u32) -> Gaussians {
     let n_sh = (sh_degree as usize + 1).pow(2);
     let narrow = |v: &[f64; 3]| Vec3::from_array(v.map(|x| x as f32));
@@ -284,7 +329,7 @@ pub fn gaussians_of(twin: &TwinGaussians, sh_degree: u32) -> Gaussians {
     }
 }
 
-/// The program's camera of a twin's.
+/// Converts a twin's camera to the program's.
 pub fn camera_of(twin: &TwinCamera) -> Camera {
     let w = twin.rotation();
     Camera {
@@ -300,7 +345,7 @@ pub fn camera_of(twin: &TwinCamera) -> Camera {
     }
 }
 
-/// The twin of a camera.
+/// Converts a camera to a twin's, with a black background and no dropout.
 pub fn twin_of(camera: &Camera, near: f64) -> TwinCamera {
     let row = |i: usize| {
         let [x, y, z] = camera.rotation.row(i).to_array();
@@ -320,7 +365,7 @@ pub fn twin_of(camera: &Camera, near: f64) -> TwinCamera {
     }
 }
 
-/// The view that a twin's camera sees.
+/// Returns the view that a twin's camera sees, with its dropout but without a guide.
 pub fn view_of(twin: &TwinCamera) -> ViewUniform {
     let view = ViewUniform::new(&camera_of(twin), twin.near, twin.background);
     match twin.dropout {
@@ -331,7 +376,7 @@ pub fn view_of(twin: &TwinCamera) -> ViewUniform {
     }
 }
 
-/// Values as f64.
+/// Converts values to f64.
 pub fn wide(values: &[f32]) -> Vec<f64> {
     values.iter().map(|x| f64::from(*x)).collect()
 }

@@ -1,26 +1,44 @@
 //! The stages by name, in the order of the flow: the first that fails is where to look, as the
 //! later ones build on it. The sorts scan, so the scan comes before them.
 
+/// Projects Gaussians to splats and keys them by depth.
 pub const PROJECT: &str = "project";
+/// Sums the counts of pairs up, so that each splat knows its first pair.
 pub const SCAN: &str = "scan";
+/// Sorts splats by depth, and pairs by tile.
 pub const RADIX_SORT: &str = "radix sort";
+/// Counts and emits the pairs of a splat and a tile that it reaches.
 pub const BIN: &str = "bin";
+/// Finds where the list of each tile begins and ends.
 pub const TILE_RANGES: &str = "tile_ranges";
+/// Orders the tiles of a block by the length of their lists.
 pub const TILE_ORDER: &str = "tile_order";
+/// Blends the splats of each tile to an image.
 pub const RASTERIZE: &str = "rasterize";
+/// Compares an image with its target image, and finds the gradient.
 pub const LOSS: &str = "L1 + SSIM";
+/// Compares an image with its target image, each pixel by its weight, and finds the gradient.
 pub const MASKED_LOSS: &str = "L1 + SSIM, masked";
+/// Carries the image's gradient back to the pairs.
 pub const RASTERIZE_BACKWARD: &str = "rasterize_backward";
+/// Sums the gradients of the pairs of one Gaussian, block by block.
 pub const SUM_PAIRS: &str = "sum_pairs";
+/// Carries the pairs' gradients back to the stored parameters.
 pub const PROJECT_BACKWARD: &str = "project_backward";
+/// Carries the gradients back to the camera's pose.
 pub const POSE_BACKWARD: &str = "pose_backward";
+/// Steps the parameters, SH by way of the colours' gradients.
 pub const ADAM: &str = "Adam";
+/// Carries a densification plan out.
 pub const REARRANGE: &str = "rearrange";
+/// Bounds opacities from above and clears their moments.
 pub const RESET_OPACITY: &str = "reset_opacity";
+/// Finds the potentials `U_info` and `U_conf` of directions.
 pub const FIELD: &str = "field, on the CPU";
+/// Splats the point cloud into a camera.
 pub const POINT_SPLAT: &str = "point splat, on the CPU";
 
-/// Every stage.
+/// Every stage, in the order of the flow.
 pub const ALL: [&str; 18] = [
     PROJECT,
     SCAN,

@@ -114,7 +114,7 @@ fn stage_table(stages: &[StageReport]) -> Table {
     table
 }
 
-/// 0, or two digits.
+/// Writes a number: whole as it is, else two digits.
 fn number(x: f64) -> String {
     match x {
         0.0 => "0".to_owned(),
@@ -124,13 +124,13 @@ fn number(x: f64) -> String {
     }
 }
 
-/// Three significant digits or whole numbers.
+/// Writes three significant digits or a whole number.
 fn significant(x: f64) -> String {
     let decimals = (2.0 - x.abs().log10().floor()).clamp(0.0, 3.0);
     format!("{x:.*}", decimals as usize)
 }
 
-/// Digits in groups of three.
+/// Writes digits in groups of three.
 fn grouped(n: u64) -> String {
     let digits = n.to_string();
     let mut out = String::new();

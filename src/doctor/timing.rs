@@ -1,4 +1,4 @@
-//! How long the stages take, the fastest of several rounds.
+//! Times of the stages, the fastest of several rounds.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -18,16 +18,21 @@ const ROUNDS: usize = 5;
 /// The time of a stage.
 #[derive(Clone, Copy, Debug)]
 pub struct Timing {
+    /// Name of the stage.
     pub stage: &'static str,
     /// How many of `unit` it worked on.
     pub count: usize,
+    /// The things that `count` counts.
     pub unit: &'static str,
+    /// Time that all of them took, seconds.
     pub seconds: f64,
-    /// By the adapter's timestamps, otherwise wall-clock time around submission and wait.
+    /// Whether it is by the adapter's timestamps; otherwise it is wall-clock time around submission
+    /// and wait.
     pub by_timestamps: bool,
 }
 
 impl Timing {
+    /// Makes the timing of a stage whose time a [`Clock`] has taken.
     pub fn wall(stage: &'static str, count: usize, unit: &'static str, seconds: f64) -> Timing {
         Timing {
             stage,
@@ -39,14 +44,16 @@ impl Timing {
     }
 }
 
-/// Wall-clock time.
+/// A wall clock that runs since its start.
 pub struct Clock(Instant);
 
 impl Clock {
+    /// Starts a clock now.
     pub fn start() -> Clock {
         Clock(Instant::now())
     }
 
+    /// Returns the time since the start, seconds.
     pub fn seconds(&self) -> f64 {
         self.0.elapsed().as_secs_f64()
     }

@@ -20,8 +20,11 @@ use crate::gpu::Commands;
 /// Largest errors that pass.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
+    /// Relative L2 of each number of the splats.
     pub projection: f64,
+    /// Largest difference of an image off fragile pixels.
     pub image: f64,
+    /// Relative L2 of each class of gradients.
     pub gradient: f64,
 }
 
@@ -47,10 +50,15 @@ pub const NEEDLES: Bounds = Bounds {
 
 /// Gaussians that one camera looks at.
 pub struct ViewCase {
+    /// What the case is, with its size, for findings.
     pub name: String,
+    /// The reference's Gaussians.
     pub gaussians: TwinGaussians,
+    /// The reference's camera.
     pub camera: TwinCamera,
+    /// Largest errors that pass.
     pub bounds: Bounds,
+    /// Gradient that is carried back.
     pub residual: Residual,
 }
 
@@ -65,7 +73,7 @@ pub enum Residual {
 }
 
 impl Residual {
-    /// `(d_rgb, d_alpha)`, 0 at fragile pixels.
+    /// Returns the weights `(d_rgb, d_alpha)`, 0 at fragile pixels.
     pub fn weights(self, render: &TwinRender) -> (Vec<f64>, Vec<f64>) {
         if self == Residual::Random {
             return loss_weights(render, 17);
@@ -86,7 +94,7 @@ impl Residual {
 }
 
 impl ViewCase {
-    /// Camera `index` of a case, its image `width` by `height`.
+    /// Makes a case of camera `index` of `case`, its image `width` by `height`.
     pub fn new(
         name: &str,
         case: &TwinCase,
@@ -104,7 +112,7 @@ impl ViewCase {
     }
 }
 
-/// Views whose numbers nearly cancel in single precision.
+/// Returns views whose numbers nearly cancel in single precision.
 pub fn extreme_cases() -> Vec<ViewCase> {
     let size = (160, 104);
     let needles = distant_needles(60, 13);
@@ -115,7 +123,7 @@ pub fn extreme_cases() -> Vec<ViewCase> {
     ]
 }
 
-/// Camera 1 of a case, each Gaussian left out with probability `percent` / 100.
+/// Makes a case of camera 1 of `case`, each Gaussian left out with probability `percent` / 100.
 pub fn dropout_case(case: &TwinCase, percent: u32, key: u32) -> ViewCase {
     let name = format!("dropout {percent} %");
     let mut view = ViewCase::new(&name, case, 1, (61, 47), ORDINARY);
@@ -129,7 +137,7 @@ pub fn dropout_case(case: &TwinCase, percent: u32, key: u32) -> ViewCase {
     view
 }
 
-/// The same, guided by depth and density.
+/// Makes the same as [`dropout_case`], guided by depth and density.
 pub fn guided_dropout_case(case: &TwinCase, percent: u32, key: u32) -> ViewCase {
     let mut view = dropout_case(case, percent, key);
     view.name += ", guided";
@@ -144,17 +152,18 @@ pub fn guided_dropout_case(case: &TwinCase, percent: u32, key: u32) -> ViewCase 
     view
 }
 
-/// The size at which stages are timed.
+/// Gaussians of the case that stages are timed on.
 pub const TIMED_GAUSSIANS: usize = 20_000;
+/// Width and height of that case's image, pixels.
 pub const TIMED_SIZE: (usize, usize) = (320, 213);
 
-/// The case that stages are timed on.
+/// Makes the case that stages are timed on.
 pub fn timed_case() -> ViewCase {
     let case = random_scene(TIMED_GAUSSIANS, 3, 1);
     ViewCase::new("ordinary", &case, 0, TIMED_SIZE, ORDINARY)
 }
 
-/// Ordinary and unreasonable Gaussians at sizes even, odd and tiny.
+/// Returns ordinary and unreasonable Gaussians at sizes even, odd and tiny.
 pub fn small_cases() -> Vec<ViewCase> {
     let ordinary = |degree, seed| random_scene(400, degree, seed);
     vec![
@@ -170,7 +179,8 @@ pub fn small_cases() -> Vec<ViewCase> {
     ]
 }
 
-/// More than a loop may take on some drivers: a splat over 76,800 tiles, 100,000 splats in a tile.
+/// Returns more than a loop may take on some drivers: a splat over 76,800 tiles, 100,000 splats in
+/// a tile.
 pub fn large_cases() -> Vec<ViewCase> {
     let crowd = crowd(100_000, 10, |_, random| random.uniform(0.0, 1.0) < 0.72);
     vec![

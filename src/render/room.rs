@@ -77,8 +77,8 @@ impl Totals {
     }
 }
 
-/// Most attempts. A view that fits at all has been given the room that it needs by then: the pairs
-/// are counted in the first, the lists in the second.
+/// Attempts at most. A view that fits at all has been given the room that it needs by then: the
+/// pairs are counted in the first, the lists in the second.
 const MOST_ATTEMPTS: usize = 8;
 
 /// Makes `attempt` with room for what is `needed`, and again with more until its pairs and lists

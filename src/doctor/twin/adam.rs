@@ -1,15 +1,18 @@
 //! Adam as PyTorch does it.
 
-/// Decay rates and the term that keeps the divisor from 0.
+/// Decay rates of Adam, and the term that keeps the divisor from 0.
 #[derive(Clone, Copy, Debug)]
 pub struct TwinAdam {
+    /// Decay of the first moment, a step.
     pub beta1: f64,
+    /// Decay of the second moment, a step.
     pub beta2: f64,
+    /// Added to the root of the second moment.
     pub epsilon: f64,
 }
 
 impl TwinAdam {
-    /// Step number `step` (from 1) of one parameter with moments `[m, v]`:
+    /// Takes step number `step` (from 1) of one parameter with moments `[m, v]`:
     /// `p -= lr * m_hat / (sqrt(v_hat) + epsilon)`.
     pub fn step(
         &self,

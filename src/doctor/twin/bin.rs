@@ -1,4 +1,4 @@
-//! Tile lists by looking at every pixel centre.
+//! Tile lists, found by looking at every pixel centre.
 
 use rayon::prelude::*;
 
@@ -8,25 +8,31 @@ use super::raster::depth_order;
 /// Tiles of `tile_width * tile_height` pixels over an image, row-major.
 #[derive(Clone, Copy, Debug)]
 pub struct TileGrid {
+    /// Width of the image, pixels.
     pub width: usize,
+    /// Height of the image, pixels.
     pub height: usize,
+    /// Width of a tile, pixels.
     pub tile_width: usize,
+    /// Height of a tile, pixels.
     pub tile_height: usize,
 }
 
 impl TileGrid {
+    /// Returns the number of tiles in a row; the last may reach beyond the image.
     pub fn columns(&self) -> usize {
         self.width.div_ceil(self.tile_width)
     }
 
+    /// Returns the number of tiles.
     pub fn n_tiles(&self) -> usize {
         self.columns() * self.height.div_ceil(self.tile_height)
     }
 }
 
-/// The tiles, ascending, with at least one pixel centre where the splat's alpha is `min_alpha` or
-/// more. A tile list is right if it contains these; `min_alpha` a little above 1/255 leaves out
-/// what hangs on rounding.
+/// Returns the tiles, ascending, with at least one pixel centre where the splat's alpha is
+/// `min_alpha` or more. A tile list is right if it contains these; `min_alpha` a little above 1/255
+/// leaves out what hangs on rounding.
 pub fn tiles_of(splat: &TwinSplat, grid: &TileGrid, min_alpha: f64) -> Vec<usize> {
     let mut hit = vec![false; grid.n_tiles()];
     if splat.valid {
@@ -53,7 +59,7 @@ pub fn tiles_of(splat: &TwinSplat, grid: &TileGrid, min_alpha: f64) -> Vec<usize
     (0..hit.len()).filter(|&tile| hit[tile]).collect()
 }
 
-/// For each tile the splats that reach it, by increasing depth, equal depths by index.
+/// Returns for each tile the splats that reach it, by increasing depth, equal depths by index.
 pub fn tile_lists(splats: &[TwinSplat], grid: &TileGrid, min_alpha: f64) -> Vec<Vec<usize>> {
     let order = depth_order(splats);
     let tiles: Vec<Vec<usize>> = order

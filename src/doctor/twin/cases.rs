@@ -13,7 +13,9 @@ use super::sh;
 
 /// Gaussians and the cameras that look at them.
 pub struct TwinCase {
+    /// Gaussians, in the world of the cameras.
     pub gaussians: TwinGaussians,
+    /// The cameras, at least one.
     pub cameras: Vec<TwinCamera>,
 }
 
@@ -25,24 +27,26 @@ fn f32_exact(x: f64) -> f64 {
 pub struct Random(ChaCha8Rng);
 
 impl Random {
+    /// Starts the numbers that belong to a seed.
     pub fn new(seed: u64) -> Self {
         Self(ChaCha8Rng::seed_from_u64(seed))
     }
 
-    /// In `[low, high)`.
+    /// Draws a number in `[low, high)`.
     pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
         let unit = (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
         low + (high - low) * unit
     }
 
-    /// Standard normal (Box-Muller).
+    /// Draws a standard normal number (Box-Muller).
     pub fn normal(&mut self) -> f64 {
         let radius = (-2.0 * (1.0 - self.uniform(0.0, 1.0)).ln()).sqrt();
         radius * (std::f64::consts::TAU * self.uniform(0.0, 1.0)).cos()
     }
 }
 
-/// [`looking_at`] with all digits of f64 in the pose: its rows are of length 1 to all of them.
+/// Does the same as [`looking_at`] with all digits of f64 in the pose: its rows are of length 1 to
+/// these.
 fn exactly_looking_at(eye: Vec3, target: Vec3) -> TwinCamera {
     TwinCamera {
         w2c: pose_looking_at(eye, target),
@@ -58,7 +62,7 @@ fn pose_looking_at(eye: Vec3, target: Vec3) -> [[f64; 4]; 4] {
     [row(x), row(y), row(z), [0.0, 0.0, 0.0, 1.0]]
 }
 
-/// A 160x104 camera at `eye` that looks at `target`, world up -y, centred, 60 degrees wide.
+/// Makes a 160x104 camera at `eye` that looks at `target`, world up -y, centred, 60 degrees wide.
 pub fn looking_at(eye: Vec3, target: Vec3) -> TwinCamera {
     TwinCamera {
         w2c: pose_looking_at(eye, target).map(|row| row.map(f32_exact)),
@@ -74,7 +78,7 @@ pub fn looking_at(eye: Vec3, target: Vec3) -> TwinCamera {
     }
 }
 
-/// Four cameras on the unit scale: one outside and centred, one inside the cloud with an
+/// Makes four cameras on the unit scale: one outside and centred, one inside the cloud with an
 /// off-centre principal point, unequal focal lengths and a background, one far to the side that
 /// sees the cloud at its edge, and one near the cloud's rim, so that many means lie beyond the
 /// Jacobian's bounds.
@@ -97,20 +101,19 @@ pub fn cameras() -> Vec<TwinCamera> {
     vec![outside, inside, aside, rim]
 }
 
-/// What one Gaussian is made of.
+/// The numbers of one Gaussian.
 struct Draw {
     mean: Vec3,
     scale: Vec3,
     opacity: f64,
-    /// Random where there is none.
+    /// `None`: the rotation is random.
     rotation_wxyz: Option<[f64; 4]>,
 }
 
-/// How far apart depths in one camera are, at least: what single precision tells apart at a depth of
-/// some units.
+/// Least distance of two depths in one camera: single precision tells it at depths of some units.
 const DEPTH_GAP: f64 = 1e-5;
 
-/// An integer that orders as `x` does.
+/// Returns an integer that orders as `x` does.
 fn ordered(x: f64) -> i64 {
     let bits = x.to_bits() as i64;
     bits ^ ((bits >> 63) as u64 >> 1) as i64
@@ -176,7 +179,7 @@ fn build(
     TwinCase { gaussians, cameras }
 }
 
-/// `n` Gaussians of mixed shape in a ball of radius 0.8, seen by [`cameras`]. Every tenth is
+/// Makes `n` Gaussians of mixed shape in a ball of radius 0.8, seen by [`cameras`]. Every tenth is
 /// nearly opaque, so that the cap of alpha is reached.
 pub fn random_scene(n: usize, sh_degree: usize, seed: u64) -> TwinCase {
     let mut random = Random::new(seed);
@@ -198,7 +201,7 @@ pub fn random_scene(n: usize, sh_degree: usize, seed: u64) -> TwinCase {
     )
 }
 
-/// Needles: one axis 1e4 times the other two.
+/// Makes needles: one axis is 1e4 times the other two.
 pub fn needles(n: usize, seed: u64) -> TwinCase {
     let mut random = Random::new(seed);
     build(n, 1, (cameras(), DEPTH_GAP), &mut random, |random| {
@@ -212,7 +215,7 @@ pub fn needles(n: usize, seed: u64) -> TwinCase {
     })
 }
 
-/// Gaussians of a hundred scene sizes or so: their means lie off most images, far beyond the
+/// Makes Gaussians of a hundred scene sizes or so: their means lie off most images, far beyond the
 /// Jacobian's bounds, and their ellipses cover whole images.
 pub fn huge(n: usize, seed: u64) -> TwinCase {
     let mut random = Random::new(seed);
@@ -224,8 +227,8 @@ pub fn huge(n: usize, seed: u64) -> TwinCase {
     })
 }
 
-/// `n_layers` planes of `n_per_layer` discs at exactly equal depth in front of a camera at the
-/// origin, many over each other: order within a plane is that of the indices, and the stack is
+/// Makes `n_layers` planes of `n_per_layer` discs at exactly equal depth in front of a camera at
+/// the origin, many over each other: order within a plane is that of the indices, and the stack is
 /// deep enough for the transmittance stop. Indices of one plane are not contiguous.
 pub fn layers(n_layers: usize, n_per_layer: usize, seed: u64) -> TwinCase {
     let mut random = Random::new(seed);
@@ -247,8 +250,8 @@ pub fn layers(n_layers: usize, n_per_layer: usize, seed: u64) -> TwinCase {
     case
 }
 
-/// One Gaussian that fills the screen of a camera at the origin: its alpha is far above the least
-/// that is drawn at the corners of an image, too, whatever the image's size.
+/// Makes one Gaussian that fills the screen of a camera at the origin: its alpha is far above the
+/// least that is drawn at the corners of an image, too, whatever the image's size.
 pub fn cover() -> TwinCase {
     let camera = looking_at([0.0; 3], [0.0, 0.0, 1.0]);
     build(1, 2, (vec![camera], DEPTH_GAP), &mut Random::new(3), |_| {
@@ -261,9 +264,9 @@ pub fn cover() -> TwinCase {
     })
 }
 
-/// `n` Gaussians that each reach one pixel of a 4x8 image, front to back in the order of their
-/// indices: those that `is_left` chooses in the two columns on the left, the others on the right. Each
-/// takes half a per cent of its pixel's light.
+/// Makes `n` Gaussians that each reach one pixel of a 4x8 image, front to back in the order of
+/// their indices: those that `is_left` chooses in the two columns on the left, the others on the
+/// right. Each takes half a per cent of its pixel's light.
 pub fn crowd(n: usize, seed: u64, mut is_left: impl FnMut(usize, &mut Random) -> bool) -> TwinCase {
     let mut random = Random::new(seed);
     let camera = TwinCamera {
@@ -312,7 +315,7 @@ pub fn crowd(n: usize, seed: u64, mut is_left: impl FnMut(usize, &mut Random) ->
     TwinCase { gaussians, cameras }
 }
 
-/// A view of 0.1 degrees from distance 1 of Gaussians that fill it: their depths differ by 1e-3.
+/// Makes Gaussians that fill a view of 0.1 degrees from distance 1: their depths differ by 1e-3.
 pub fn narrow(n: usize, seed: u64) -> TwinCase {
     let mut random = Random::new(seed);
     let focal = f32_exact(80.0 / 0.05f64.to_radians().tan());
@@ -330,8 +333,8 @@ pub fn narrow(n: usize, seed: u64) -> TwinCase {
     })
 }
 
-/// A camera within a cloud of the size of 1e-3, both off the origin: what it sees is small differences
-/// of coordinates.
+/// Makes a camera within a cloud of the size of 1e-3, both off the origin: what it sees is small
+/// differences of coordinates.
 pub fn beside(n: usize, seed: u64) -> TwinCase {
     let mut random = Random::new(seed);
     let eye = [0.34, -0.21, 0.43];
@@ -351,7 +354,7 @@ pub fn beside(n: usize, seed: u64) -> TwinCase {
     })
 }
 
-/// Needles of a few pixels' width that cross the image, their means 1e4 to 1e5 pixels outside it.
+/// Makes needles of a few pixels' width that cross the image, their means 1e4 to 1e5 pixels off it.
 pub fn distant_needles(n: usize, seed: u64) -> TwinCase {
     let mut random = Random::new(seed);
     let camera = looking_at([0.3, -0.2, 0.1], [-0.5, 0.4, 1.1]);
@@ -392,7 +395,7 @@ fn in_ball(random: &mut Random, radius: f64) -> Vec3 {
     }
 }
 
-/// Random weights in [-1, 1) of a linear loss, `(d_rgb, d_alpha)`, 0 at fragile pixels.
+/// Draws weights in [-1, 1) of a linear loss, `(d_rgb, d_alpha)`, 0 at fragile pixels.
 pub fn loss_weights(render: &TwinRender, seed: u64) -> (Vec<f64>, Vec<f64>) {
     let mut random = Random::new(seed);
     let (mut d_rgb, mut d_alpha) = (Vec::new(), Vec::new());

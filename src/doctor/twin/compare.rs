@@ -1,7 +1,10 @@
 //! Comparisons. A value that is not finite on either side never passes, nor does a length that
 //! differs.
 
-/// `|a - b| / |b|` in L2, `|a|` where `b` is 0.
+/// Returns `|a - b| / |b|` in L2, `|a|` if `b` is 0; infinite if a value is not finite.
+///
+/// # Panics
+/// If the lengths differ: a fault in this program.
 pub fn relative_l2(a: &[f64], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len(), "compared arrays differ in length");
     let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|x| x * x).sum::<f64>().sqrt();
@@ -15,8 +18,11 @@ pub fn relative_l2(a: &[f64], b: &[f64]) -> f64 {
     }
 }
 
-/// Largest `|a - b|` over the pixels that `mask` leaves out; arrays are pixel-major with any
-/// number of channels.
+/// Returns the largest `|a - b|` over the pixels that `mask` leaves out; arrays are pixel-major
+/// with any number of channels.
+///
+/// # Panics
+/// If the lengths differ or do not fit the mask: a fault in this program.
 pub fn max_abs_off_mask(a: &[f64], b: &[f64], mask: &[bool]) -> f64 {
     assert_eq!(a.len(), b.len(), "compared arrays differ in length");
     assert!(
@@ -38,7 +44,7 @@ pub fn max_abs_off_mask(a: &[f64], b: &[f64], mask: &[bool]) -> f64 {
     worst
 }
 
-/// [`relative_l2`], or infinity where a comparison with `tolerance` would not have seen the
+/// Returns [`relative_l2`], or infinity if a comparison with `tolerance` would not have seen the
 /// largest value with its sign turned, or a NaN in its place: one that cannot fail says nothing.
 pub fn held_l2(ours: &[f64], reference: &[f64], tolerance: f64) -> f64 {
     let largest =
@@ -56,7 +62,7 @@ pub fn held_l2(ours: &[f64], reference: &[f64], tolerance: f64) -> f64 {
     relative_l2(ours, reference)
 }
 
-/// [`max_abs_off_mask`], or infinity where a comparison with `tolerance` would not have seen a
+/// Returns [`max_abs_off_mask`], or infinity if a comparison with `tolerance` would not have seen a
 /// pixel that is off by twice as much.
 pub fn held_off_mask(ours: &[f64], reference: &[f64], mask: &[bool], tolerance: f64) -> f64 {
     if let Some(pixel) = mask.iter().position(|masked| !masked) {

@@ -1,28 +1,32 @@
-//! Dropout: which Gaussians a view leaves out, and what the others' opacity is multiplied by.
+//! Dropout of a view: the Gaussians that it leaves out, and the factor of the others' opacity.
 
 use super::linalg::{Vec3, dot, sub};
 
-/// Probability in steps of 2^-32, and the key that decides which.
+/// A view's dropout: a probability, and the key that decides which Gaussians are left out.
 #[derive(Clone, Debug)]
 pub struct TwinDropout {
+    /// Probability in steps of 2^-32.
     pub threshold: u32,
+    /// Number that is mixed into each Gaussian's hash.
     pub key: u32,
+    /// Each Gaussian's share of the probability; `None`: all of it, and the others' opacity makes
+    /// up.
     pub guide: Option<TwinGuide>,
 }
 
-/// What guides it by depth and density (Song et al. 2026, eqs. 1 and 2).
+/// A guide of dropout by depth and density (Song et al. 2026, eqs. 1 and 2).
 #[derive(Clone, Debug)]
 pub struct TwinGuide {
     /// Weights of depth and of density.
     pub weights: [f64; 2],
-    /// A Gaussian's density, 0 to 1.
+    /// Density of each Gaussian, 0 to 1.
     pub densities: Vec<f64>,
-    /// A Gaussian's share of the probability.
+    /// Share of the probability of each Gaussian.
     shares: Vec<f64>,
 }
 
 impl TwinGuide {
-    /// For a camera at `center`.
+    /// Finds the shares for a camera at `center`; there is at least one Gaussian.
     pub fn new(weights: [f64; 2], densities: Vec<f64>, means: &[Vec3], center: &Vec3) -> TwinGuide {
         let distance = |mean: &Vec3| {
             let offset = sub(mean, center);
@@ -53,7 +57,8 @@ impl TwinGuide {
 }
 
 impl TwinDropout {
-    /// Factor of Gaussian `i`'s opacity: 0 where it is left out, else 1 / (1 - p), or 1 with a guide.
+    /// Returns the factor of Gaussian `i`'s opacity: 0 if it is left out, else 1 / (1 - p), or 1
+    /// with a guide.
     pub fn factor(&self, i: usize) -> f64 {
         let hash = f64::from(pcg(pcg(i as u32) ^ self.key));
         let threshold = f64::from(self.threshold);
@@ -65,7 +70,7 @@ impl TwinDropout {
     }
 }
 
-/// PCG hash with 64-bit arithmetic modulo 2^32.
+/// Returns the PCG hash with 64-bit arithmetic modulo 2^32.
 pub fn pcg(v: u32) -> u32 {
     let modulo = |x: u64| x % (1 << 32);
     let state = modulo(u64::from(v) * 747_796_405 + 2_891_336_453);

@@ -1,4 +1,4 @@
-//! The camera potential field by chords, a direction at a time.
+//! The camera potential field by chords, one direction at a time.
 
 use super::linalg::{Vec3, dot, sub};
 
@@ -13,8 +13,8 @@ pub struct TwinPotentials {
     pub conf: f64,
 }
 
-/// With the chord `c` between two directions, `1 - p . v = c^2 / 2` and the angle is
-/// `2 asin(c / 2)`.
+/// Returns the potentials at `p`. With the chord `c` between two directions, `1 - p . v = c^2 / 2`
+/// and the angle is `2 asin(c / 2)`.
 pub fn potentials(p: &Vec3, directions: &[Vec3], sigma: f64) -> TwinPotentials {
     let mut out = TwinPotentials {
         sech: 0.0,

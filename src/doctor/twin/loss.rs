@@ -1,4 +1,4 @@
-//! Image losses and their gradient, window by window.
+//! Image losses and their gradient, found window by window.
 
 use rayon::prelude::*;
 
@@ -10,14 +10,17 @@ const C2: f64 = 0.03 * 0.03;
 /// `(1 - w) L1 + w (1 - SSIM)` and its parts.
 #[derive(Clone, Debug)]
 pub struct TwinLoss {
+    /// `(1 - w) L1 + w (1 - SSIM)`, `w` the weight of SSIM.
     pub loss: f64,
+    /// Mean over pixels, by weight, and channels.
     pub l1: f64,
+    /// Mean over pixels, by weight, and channels; 1 if no pixel has weight.
     pub ssim: f64,
-    /// `height * width * 3`.
+    /// Gradient of `loss` to the render, `height * width * 3`.
     pub d_render: Vec<f64>,
 }
 
-/// The 11x11 Gaussian window of sigma 1.5, sum 1, row-major.
+/// Returns the 11x11 Gaussian window of sigma 1.5, sum 1, row-major.
 pub fn window() -> Vec<f64> {
     let mut weights: Vec<f64> = (-RADIUS..=RADIUS)
         .flat_map(|y| (-RADIUS..=RADIUS).map(move |x| (x * x + y * y) as f64))
@@ -28,7 +31,8 @@ pub fn window() -> Vec<f64> {
     weights
 }
 
-/// The loss of `render` against `target`, both `height * width * 3`, and its gradient to `render`.
+/// Returns the loss of `render` against `target`, both `height * width * 3`, and its gradient to
+/// `render`.
 ///
 /// Without a mask the windows are zero-padded and everything is a mean over all values. With one,
 /// a weight of every pixel, L1 is the mean over the pixels by weight, a window's weights are
@@ -91,8 +95,8 @@ pub fn loss(
     out
 }
 
-/// Pixels and weights of the window around a pixel: those inside the image and of some weight,
-/// normalised if there is a mask.
+/// Returns pixels and weights of the window around a pixel: those inside the image and of some
+/// weight, normalised if there is a mask.
 fn window_at(
     center: usize,
     mask: Option<&[f64]>,
@@ -120,7 +124,7 @@ fn window_at(
     window
 }
 
-/// SSIM of one window of one channel; adds `scale` times its gradient to `d_x`.
+/// Returns SSIM of one window of one channel; adds `scale` times its gradient to `d_x`.
 fn window_ssim(x: &[f64], y: &[f64], window: &[(usize, f64)], scale: f64, d_x: &mut [f64]) -> f64 {
     let mean = |f: &dyn Fn(usize) -> f64| window.iter().map(|&(p, w)| w * f(p)).sum::<f64>();
     let (mx, my) = (mean(&|p| x[p]), mean(&|p| y[p]));

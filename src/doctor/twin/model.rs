@@ -1,4 +1,4 @@
-//! What the twins work on: Gaussians, a camera, splats on screen and gradients.
+//! The twins' data: Gaussians, a camera, splats on screen and gradients.
 
 use super::dropout::TwinDropout;
 use super::linalg::{Mat3, Vec3, apply, transpose};
@@ -10,6 +10,7 @@ pub struct TwinGaussians {
     pub means: Vec<Vec3>,
     /// SH coefficients `[k][channel]`, 3DGS order.
     pub sh: Vec<[Vec3; 16]>,
+    /// Logits: opacity is their sigmoid.
     pub opacity_logit: Vec<f64>,
     /// Natural logarithms.
     pub scale_log: Vec<Vec3>,
@@ -20,6 +21,7 @@ pub struct TwinGaussians {
 }
 
 impl TwinGaussians {
+    /// Returns the number of Gaussians.
     pub fn n(&self) -> usize {
         self.means.len()
     }
@@ -28,37 +30,48 @@ impl TwinGaussians {
 /// A pinhole camera, world-to-camera, +z forward, y down, pixel centres at +0.5.
 #[derive(Clone, Debug)]
 pub struct TwinCamera {
-    /// Row-major.
+    /// World-to-camera, row-major, homogeneous.
     pub w2c: [[f64; 4]; 4],
+    /// Width of the image, pixels.
     pub width: usize,
+    /// Height of the image, pixels.
     pub height: usize,
+    /// Focal length along x, pixels.
     pub fx: f64,
+    /// Focal length along y, pixels.
     pub fy: f64,
+    /// Principal point, pixels from the left edge.
     pub cx: f64,
+    /// Principal point, pixels from the top edge.
     pub cy: f64,
+    /// Near plane: camera z up to which nothing is drawn.
     pub near: f64,
+    /// RGB behind the last Gaussian.
     pub background: Vec3,
+    /// Dropout of this view; `None`: nothing is left out.
     pub dropout: Option<TwinDropout>,
 }
 
 impl TwinCamera {
+    /// Returns `W`, the rotation of `w2c`.
     pub fn rotation(&self) -> Mat3 {
         std::array::from_fn(|i| std::array::from_fn(|j| self.w2c[i][j]))
     }
 
+    /// Takes a point of the world to the camera's axes.
     pub fn to_camera(&self, p: &Vec3) -> Vec3 {
         let q = apply(&self.rotation(), p);
         std::array::from_fn(|i| q[i] + self.w2c[i][3])
     }
 
-    /// `-W^T t`.
+    /// Returns the optical centre in the world, `-W^T t`.
     pub fn center(&self) -> Vec3 {
         let t = std::array::from_fn(|i| -self.w2c[i][3]);
         apply(&transpose(&self.rotation()), &t)
     }
 
-    /// Bounds `[[x_min, x_max], [y_min, y_max]]` of `x/z` and `y/z` in the projection's Jacobian:
-    /// the image's own range and 15% of its size on either side.
+    /// Returns the bounds `[[x_min, x_max], [y_min, y_max]]` of `x/z` and `y/z` in the projection's
+    /// Jacobian: the image's own range and 15% of its size on either side.
     pub fn tangent_bounds(&self) -> [[f64; 2]; 2] {
         let bounds = |c: f64, f: f64, n: usize| {
             let (n, margin) = (n as f64, 0.15 * n as f64 / f);
@@ -70,14 +83,14 @@ impl TwinCamera {
         ]
     }
 
-    /// What Gaussian `i`'s opacity is multiplied by.
+    /// Returns the factor of Gaussian `i`'s opacity; 1 without dropout.
     pub fn opacity_factor(&self, i: usize) -> f64 {
         self.dropout
             .as_ref()
             .map_or(1.0, |dropout| dropout.factor(i))
     }
 
-    /// The same view at another size: intrinsics scale with it.
+    /// Returns the same view at another size: intrinsics scale with it.
     pub fn resized(&self, width: usize, height: usize) -> Self {
         let sx = width as f64 / self.width as f64;
         let sy = height as f64 / self.height as f64;
@@ -107,7 +120,9 @@ pub struct TwinSplat {
     pub conic: [f64; 3],
     /// `xx, xy, yy`, pixels squared, with the dilation.
     pub cov2d: [f64; 3],
+    /// Clamped at 0 from below.
     pub rgb: Vec3,
+    /// With the dropout's factor.
     pub opacity: f64,
 }
 
@@ -117,16 +132,22 @@ pub type SplatGradient = [f64; 9];
 /// Gradients to the raw parameters, and to the splats on the way.
 #[derive(Clone, Debug)]
 pub struct TwinGradients {
+    /// To the world positions.
     pub means: Vec<Vec3>,
+    /// To the SH coefficients; 0 above the degree.
     pub sh: Vec<[Vec3; 16]>,
+    /// To the opacity logits.
     pub opacity_logit: Vec<f64>,
+    /// To the natural logarithms of the scales.
     pub scale_log: Vec<Vec3>,
+    /// To the quaternions as stored, through their normalisation.
     pub rotation_wxyz: Vec<[f64; 4]>,
+    /// To the splats on the way.
     pub splats: Vec<SplatGradient>,
 }
 
 impl TwinGradients {
-    /// The raw-parameter classes by name, flattened: what a comparison goes over.
+    /// Returns the raw-parameter classes by name, flattened: what a comparison goes over.
     pub fn classes(&self) -> [(&'static str, Vec<f64>); 5] {
         [
             ("means", self.means.as_flattened().to_vec()),

@@ -1,11 +1,11 @@
-//! Motion of a camera, and the derivative with respect to it.
+//! Motion of a camera, and the gradient with respect to it.
 
 use super::linalg::{Mat3, Vec3, apply, mul};
 use super::model::{SplatGradient, TwinCamera, TwinGaussians};
 use super::project::project_backward;
 
-/// The camera after the motion `(w, v)`: what lies at `p` in its axes lies at `exp([w]x) p + v`
-/// afterwards.
+/// Returns the camera after the motion `(w, v)`: what lies at `p` in its axes lies at
+/// `exp([w]x) p + v` afterwards.
 pub fn moved(camera: &TwinCamera, motion: &[f64; 6]) -> TwinCamera {
     let [x, y, z, shift @ ..] = *motion;
     let turn = rotation(&[x, y, z]);
@@ -18,7 +18,7 @@ pub fn moved(camera: &TwinCamera, motion: &[f64; 6]) -> TwinCamera {
     }
 }
 
-/// `exp([w]x)` by its series, for turns of at most a radian or so.
+/// Returns `exp([w]x)` by its series, for turns of at most a radian or so.
 fn rotation(w: &Vec3) -> Mat3 {
     let skew = [[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]];
     let mut sum: Mat3 =
@@ -33,7 +33,8 @@ fn rotation(w: &Vec3) -> Mat3 {
     sum
 }
 
-/// Gradient with respect to the motion `(w, v)` of [`moved`] at 0, from those to the splats.
+/// Returns the gradient with respect to the motion `(w, v)` of [`moved`] at 0, from those to the
+/// splats.
 pub fn pose_gradient(
     gaussians: &TwinGaussians,
     camera: &TwinCamera,

@@ -12,16 +12,21 @@ pub const DILATION: f64 = 0.3;
 /// Gradient to one Gaussian's raw parameters.
 #[derive(Clone, Debug)]
 pub struct RawGradient {
+    /// To the world position.
     pub mean: Vec3,
+    /// To the SH coefficients; 0 above the degree.
     pub sh: [Vec3; 16],
+    /// To the opacity logit.
     pub opacity_logit: f64,
+    /// To the natural logarithms of the scales.
     pub scale_log: Vec3,
+    /// To the quaternion as stored, through its normalisation.
     pub rotation_wxyz: [f64; 4],
     /// To a small motion of the camera: its part of [`super::pose::pose_gradient`].
     pub pose: [f64; 6],
 }
 
-/// Rotation matrix of a unit quaternion.
+/// Returns the rotation matrix of a unit quaternion.
 fn rotation_matrix([w, x, y, z]: [f64; 4]) -> Mat3 {
     [
         [
@@ -42,7 +47,7 @@ fn rotation_matrix([w, x, y, z]: [f64; 4]) -> Mat3 {
     ]
 }
 
-/// Gradient to the unit quaternion's components, each taken as free.
+/// Returns the gradient to the unit quaternion's components, each taken as free.
 fn rotation_matrix_backward([w, x, y, z]: [f64; 4], d: &Mat3) -> [f64; 4] {
     let skew = [d[2][1] - d[1][2], d[0][2] - d[2][0], d[1][0] - d[0][1]];
     let (xy, xz, yz) = (d[0][1] + d[1][0], d[0][2] + d[2][0], d[1][2] + d[2][1]);
@@ -117,8 +122,9 @@ pub fn project(gaussians: &TwinGaussians, i: usize, camera: &TwinCamera) -> Twin
     }
 }
 
-/// Gradient to Gaussian `i`'s raw parameters from that to its splat, through the clamp of the
-/// Jacobian's point, the quaternion's normalisation and the view direction; 0 where not valid.
+/// Returns the gradient to Gaussian `i`'s raw parameters from that to its splat, through the clamp
+/// of the Jacobian's point, the quaternion's normalisation and the view direction; 0 where not
+/// valid.
 pub fn project_backward(
     gaussians: &TwinGaussians,
     i: usize,

@@ -7,8 +7,11 @@ use super::model::{SplatGradient, TwinCamera, TwinGaussians, TwinGradients, Twin
 use super::project::{project, project_backward};
 use super::tolerance;
 
+/// Cap of a splat's alpha.
 pub const ALPHA_MAX: f64 = 0.999;
+/// Alpha below which a splat is skipped at a pixel.
 pub const ALPHA_MIN: f64 = 1.0 / 255.0;
+/// A pixel ends before its transmittance falls to this.
 pub const TRANSMITTANCE_MIN: f64 = 1e-4;
 
 /// Image rows that one task accumulates: fixed, so that sums do not depend on the threads.
@@ -50,15 +53,15 @@ struct Blend {
     transmittance: f64,
 }
 
-/// Valid splats by increasing depth, equal depths by index.
+/// Returns valid splats by increasing depth, equal depths by index.
 pub fn depth_order(splats: &[TwinSplat]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..splats.len()).filter(|&i| splats[i].valid).collect();
     order.sort_by(|&a, &b| splats[a].depth.total_cmp(&splats[b].depth).then(a.cmp(&b)));
     order
 }
 
-/// Splats that can reach `1/255` less the tolerance somewhere: `q <= 2 ln(255 o)`, the box of
-/// which is `sqrt(q cov)` in each axis.
+/// Returns splats that can reach `1/255` less the tolerance somewhere: `q <= 2 ln(255 o)`, the box
+/// of which is `sqrt(q cov)` in each axis.
 fn active(splats: &[TwinSplat], tolerance: f64) -> Vec<Active> {
     depth_order(splats)
         .into_iter()
@@ -121,7 +124,7 @@ fn walk(
     (transmittance, fragile)
 }
 
-/// The active splats whose box meets the pixel centres of row `y`.
+/// Returns the active splats whose box meets the pixel centres of row `y`.
 fn row_of(active: &[Active], y: usize) -> Vec<&Active> {
     active
         .iter()
@@ -129,7 +132,7 @@ fn row_of(active: &[Active], y: usize) -> Vec<&Active> {
         .collect()
 }
 
-/// Renders with the suite's own fragile tolerance.
+/// Renders with the doctor's own fragile tolerance.
 pub fn render(gaussians: &TwinGaussians, camera: &TwinCamera) -> TwinRender {
     render_with_tolerance(gaussians, camera, tolerance::FRAGILE)
 }
@@ -171,8 +174,8 @@ pub fn render_with_tolerance(
     }
 }
 
-/// Gradient of `sum(d_rgb * rgb) + sum(d_alpha * alpha)`, with skip, stop, cap and order held.
-/// `d_rgb`: `height * width * 3`, `d_alpha`: `height * width`.
+/// Returns the gradient of `sum(d_rgb * rgb) + sum(d_alpha * alpha)`, with skip, stop, cap and
+/// order held. `d_rgb`: `height * width * 3`, `d_alpha`: `height * width`.
 pub fn backward(
     gaussians: &TwinGaussians,
     camera: &TwinCamera,

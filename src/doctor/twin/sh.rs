@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 
 use super::linalg::Vec3;
 
-/// The 16 basis functions at `d` as homogeneous polynomials (harmonics where `|d| = 1`).
+/// Returns the 16 basis functions at `d` as homogeneous polynomials (harmonics where `|d| = 1`).
 pub fn basis([x, y, z]: Vec3) -> [f64; 16] {
     let root = |a: f64, b: f64| (a / (b * PI)).sqrt();
     let (xx, yy, zz) = (x * x, y * y, z * z);
@@ -31,7 +31,7 @@ pub fn basis([x, y, z]: Vec3) -> [f64; 16] {
     ]
 }
 
-/// Gradient of each basis polynomial to `d`.
+/// Returns the gradient of each basis polynomial to `d`.
 pub fn basis_gradient([x, y, z]: Vec3) -> [Vec3; 16] {
     let root = |a: f64, b: f64| (a / (b * PI)).sqrt();
     let (xx, yy, zz) = (x * x, y * y, z * z);
@@ -65,7 +65,7 @@ pub fn basis_gradient([x, y, z]: Vec3) -> [Vec3; 16] {
     ]
 }
 
-/// `0.5 + sum_k Y_k(d) sh_k` for `k < (degree + 1)^2`: the colour before it is clamped at 0.
+/// Returns `0.5 + sum_k Y_k(d) sh_k` for `k < (degree + 1)^2`: the colour before its clamp at zero.
 pub fn color(direction: Vec3, sh: &[Vec3; 16], degree: usize) -> Vec3 {
     let y = basis(direction);
     std::array::from_fn(|c| {

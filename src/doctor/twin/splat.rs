@@ -1,11 +1,11 @@
-//! Point splatting by looking at all points for each pixel.
+//! Point splatting, by looking at all points for each pixel.
 
 use rayon::prelude::*;
 
 use super::linalg::{Vec3, dot, sub};
 use super::model::TwinCamera;
 
-/// The nearest point of every pixel, row-major: of the points that fall into it, the one of
+/// Returns the nearest point of every pixel, row-major: of the points that fall into it, the one of
 /// smallest f32 depth, the lower index of equals.
 pub fn nearest_points(points: &[Vec3], camera: &TwinCamera) -> Vec<Option<usize>> {
     // Depth and pixel.
@@ -36,8 +36,8 @@ pub fn nearest_points(points: &[Vec3], camera: &TwinCamera) -> Vec<Option<usize>
         .collect()
 }
 
-/// Radius, world, of every point's disc: that of a pixel of the nearest of the `sources` at its
-/// distance, were there as many pixels as points.
+/// Returns the radius, world, of every point's disc: that of a pixel of the nearest of the
+/// `sources` at its distance, were there as many pixels as points.
 pub fn source_radii(points: &[Vec3], sources: &[TwinCamera]) -> Vec<f64> {
     let n_pixels: usize = sources.iter().map(|c| c.width * c.height).sum();
     let pixels_a_point = n_pixels as f64 / points.len() as f64;
@@ -51,9 +51,9 @@ pub fn source_radii(points: &[Vec3], sources: &[TwinCamera]) -> Vec<f64> {
     points.iter().map(radius).collect()
 }
 
-/// Mean colour by weight, 0 to 255, of the discs at the front of every pixel, row-major; `None` where
-/// there is no disc. `radii` are the discs', world, and `bounds` of them in pixels; discs farther than
-/// `1 + tolerance` times the nearest, by f32 depth, are hidden.
+/// Returns the mean colour by weight, 0 to 255, of the discs at the front of every pixel,
+/// row-major; `None` if there is no disc. `radii` are the discs', world, and `bounds` of them in
+/// pixels; discs farther than `1 + tolerance` times the nearest, by f32 depth, are hidden.
 pub fn blended(
     points: &[(Vec3, [u8; 3])],
     radii: &[f64],
@@ -107,7 +107,7 @@ pub fn blended(
         .collect()
 }
 
-/// The connectivity filter, pixel by pixel: a covered pixel stays where its window of
+/// Applies the connectivity filter, pixel by pixel: a covered pixel stays where its window of
 /// `window` by `window` pixels has at least `min` other covered ones.
 pub fn filtered(mask: &[bool], width: usize, window: usize, min: usize) -> Vec<bool> {
     let (reach, height) = ((window / 2) as isize, mask.len() / width);

@@ -28,18 +28,20 @@ pub const REFERENCE_IMAGE: f64 = 1e-6;
 /// relative L2 per class.
 pub const REFERENCE_GRADIENT: f64 = 1e-6;
 
-/// GPU images and gradients (relative L2 per class) against the twins, off fragile pixels: f32
-/// sums of up to a few hundred terms of order 1. Measured: 1e-6 and 3e-6.
+/// GPU images off fragile pixels against the twins: f32 sums of a few hundred terms at most, of
+/// order 1. Measured: 1e-6.
 pub const GPU_IMAGE: f64 = 1e-5;
+/// GPU gradients against the twins, relative L2 per class. Measured: 3e-6.
 pub const GPU_GRADIENT: f64 = 1e-5;
 
-/// Sums of 32 numbers, and of 32 such sums, as a share of the sum of their sizes: 62 roundings of at
-/// most 6e-8 each.
+/// Sums of 32 numbers, and of 32 such sums, as a share of the sum of their sizes: 62 roundings of
+/// at most 6e-8 each.
 pub const GPU_PAIR_SUM: f64 = 4e-6;
 
-/// The same for needles of 1:1e4, whose narrow axis sees the rounding of the projected mean
-/// magnified. Measured: 2e-5 and 4e-5.
+/// GPU images of needles of 1:1e4, whose narrow axis sees the rounding of the projected mean
+/// magnified. Measured: 2e-5.
 pub const GPU_NEEDLE_IMAGE: f64 = 1e-4;
+/// GPU gradients of needles of 1:1e4. Measured: 4e-5.
 pub const GPU_NEEDLE_GRADIENT: f64 = 2e-4;
 
 /// Gradients of Gaussians of many scene sizes: their centres may lie close to the camera's plane,
@@ -52,9 +54,10 @@ pub const GPU_COVER_GRADIENT: f64 = 1e-4;
 /// a stop at T = 1e-4.
 pub const GPU_IMAGE_FRAGILE: f64 = 1e-2;
 
-/// The GPU against the reference cases, which may hold anything: image off fragile pixels and
-/// gradient, for ordinary cases and for needles.
+/// The GPU against the reference cases, which may hold anything: image off fragile pixels, and
+/// gradient.
 pub const GPU_REFERENCE: (f64, f64) = (1e-4, 1e-4);
+/// The bounds of [`GPU_REFERENCE`] for needles.
 pub const GPU_REFERENCE_NEEDLE: (f64, f64) = (5e-4, 2e-3);
 
 /// Projected means, depths, conics and colours, relative L2 per column: a few dozen roundings,
@@ -67,8 +70,8 @@ pub const GPU_LOSS: f64 = 1e-5;
 /// Adam's moments and parameters after a few steps, relative L2: rounding of each step.
 pub const GPU_ADAM: f64 = 1e-5;
 
-/// Blended colours of the point splat, 0 to 255, against their unrounded means: half a level, and f32
-/// sums of some dozen terms.
+/// Blended colours of the point splat, 0 to 255, against their unrounded means: half a level, and
+/// f32 sums of some dozen terms.
 pub const SPLAT_LEVELS: f64 = 0.501;
 
 /// The potential field on the CPU against the same by chords, relative L2: a few roundings of f64.
