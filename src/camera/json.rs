@@ -28,7 +28,7 @@ struct Entry {
     rotation: [[f64; 3]; 3],
     fx: f64,
     fy: f64,
-    /// Not in 3DGS's own files, which centre the principal point.
+    /// Principal point, pixels; `None` in 3DGS's own files, which centre it.
     cx: Option<f64>,
     cy: Option<f64>,
 }

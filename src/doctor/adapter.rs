@@ -45,7 +45,7 @@ pub struct Adapter {
 /// A limit that a kernel could exceed.
 #[derive(Clone, Debug, Serialize)]
 pub struct Limit {
-    /// What is limited, with its unit, as the report writes it.
+    /// Quantity that is limited, with its unit, as the report writes it.
     pub name: &'static str,
     /// The adapter's limit.
     pub adapter: u32,

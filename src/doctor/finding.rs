@@ -1,4 +1,4 @@
-//! Findings: what comparisons result in.
+//! Findings, the results of comparisons.
 
 use serde::Serialize;
 

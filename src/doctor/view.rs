@@ -50,7 +50,7 @@ pub const NEEDLES: Bounds = Bounds {
 
 /// Gaussians that one camera looks at.
 pub struct ViewCase {
-    /// What the case is, with its size, for findings.
+    /// Kind of case and size of its image, as findings name it.
     pub name: String,
     /// The reference's Gaussians.
     pub gaussians: TwinGaussians,

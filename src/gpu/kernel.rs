@@ -14,9 +14,8 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// [`Stage::kernel`] of a stage that has no other.
-    /// Checks and compiles in one, as [`Stage::new`] and [`Stage::kernel`] do, a stage of which no
-    /// other kernel is needed.
+    /// Checks a stage and compiles its one kernel: [`Stage::new`] and [`Stage::kernel`] in a row.
+    ///
     /// # Panics
     /// If the shader does not validate: a fault in this program; the message is naga's.
     pub fn from_source(gpu: &Gpu, stage: &str, entry: &'static str, source: String) -> Kernel {

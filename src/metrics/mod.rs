@@ -23,11 +23,11 @@ use crate::scene::Image;
 
 /// An RGB image as metrics see it.
 pub trait Pixels: Sync {
-    /// Width and height, pixels.
+    /// Returns width and height, pixels.
     fn size(&self) -> (u32, u32);
-    /// Number of values, which is `height * width * 3` unless the image is damaged.
+    /// Returns the number of values, which is `height * width * 3` unless the image is damaged.
     fn n_values(&self) -> usize;
-    /// Value `i` of `[height][width][3]` in 8-bit levels, `[0, 255]`.
+    /// Returns value `i` of `[height][width][3]` in 8-bit levels, `[0, 255]`.
     fn level(&self, i: usize) -> f64;
 }
 
@@ -65,7 +65,7 @@ impl Pixels for FloatImage<'_> {
         self.rgb.len()
     }
 
-    /// NaN becomes 0, as in [`quantize`].
+    /// Returns the level; NaN becomes 0, as in [`quantize`].
     fn level(&self, i: usize) -> f64 {
         let value = self.rgb[i];
         if value.is_nan() {

@@ -21,7 +21,7 @@ pub struct Totals {
     pub longest: usize,
     /// Number of the first step whose pairs or lists did not fit; 0: none.
     pub overflow_step: u32,
-    /// What the workspace had room for.
+    /// Room that the workspace had.
     capacity: Capacity,
 }
 

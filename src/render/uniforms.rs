@@ -18,17 +18,17 @@ pub struct ViewUniform {
     pub w2c_y: [f32; 4],
     /// Third row of world-to-camera.
     pub w2c_z: [f32; 4],
-    /// What `f32` leaves of `w2c_x`.
+    /// Rest of `w2c_x`, for which one `f32` has no room.
     pub w2c_low_x: [f32; 4],
-    /// What `f32` leaves of `w2c_y`.
+    /// Rest of `w2c_y`, for which one `f32` has no room.
     pub w2c_low_y: [f32; 4],
-    /// What `f32` leaves of `w2c_z`.
+    /// Rest of `w2c_z`, for which one `f32` has no room.
     pub w2c_low_z: [f32; 4],
     /// Optical centre in the frame of the Gaussians.
     pub center: [f32; 3],
     /// Near plane: camera z up to which nothing is drawn.
     pub near: f32,
-    /// What `f32` leaves of `center`.
+    /// Rest of `center`, for which one `f32` has no room.
     pub center_low: [f32; 3],
     /// The number 0, which the shader's compiler does not know, so that it reorders no sums.
     pub zero: f32,
@@ -36,17 +36,17 @@ pub struct ViewUniform {
     pub focal: [f32; 2],
     /// Principal point, pixels from the top left corner.
     pub principal: [f32; 2],
-    /// What `f32` leaves of `focal`.
+    /// Rest of `focal`, for which one `f32` has no room.
     pub focal_low: [f32; 2],
-    /// What `f32` leaves of `principal`.
+    /// Rest of `principal`, for which one `f32` has no room.
     pub principal_low: [f32; 2],
     /// Lower bounds of x/z and y/z in the projection's Jacobian.
     pub ratio_min: [f32; 2],
     /// Upper bounds of x/z and y/z in the projection's Jacobian.
     pub ratio_max: [f32; 2],
-    /// What `f32` leaves of `ratio_min`.
+    /// Rest of `ratio_min`, for which one `f32` has no room.
     pub ratio_min_low: [f32; 2],
-    /// What `f32` leaves of `ratio_max`.
+    /// Rest of `ratio_max`, for which one `f32` has no room.
     pub ratio_max_low: [f32; 2],
     /// Colour behind the last Gaussian, RGB.
     pub background: [f32; 3],

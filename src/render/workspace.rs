@@ -12,7 +12,7 @@ use crate::gpu::{Buffer, Gpu, shader_count};
 pub struct Workspace {
     /// The room that the buffers have.
     pub capacity: Capacity,
-    /// Whether it has what the backward needs.
+    /// Whether the buffers of the backward are there.
     pub(super) trains: bool,
     /// The copies of each of [`BUFFERS`], in its order.
     buffers: Vec<Vec<Buffer>>,

@@ -14,7 +14,7 @@ pub struct TwinGaussians {
     pub opacity_logit: Vec<f64>,
     /// Natural logarithms.
     pub scale_log: Vec<Vec3>,
-    /// Not normalised.
+    /// Quaternions, not normalised.
     pub rotation_wxyz: Vec<[f64; 4]>,
     /// Coefficients `k >= (sh_degree + 1)^2` are ignored.
     pub sh_degree: usize,

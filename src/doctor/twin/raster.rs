@@ -137,7 +137,7 @@ pub fn render(gaussians: &TwinGaussians, camera: &TwinCamera) -> TwinRender {
     render_with_tolerance(gaussians, camera, tolerance::FRAGILE)
 }
 
-/// Renders; pixels with a decision within relative `tolerance` are marked fragile.
+/// Renders the view; pixels with a decision within relative `tolerance` are marked fragile.
 pub fn render_with_tolerance(
     gaussians: &TwinGaussians,
     camera: &TwinCamera,
