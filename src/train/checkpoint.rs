@@ -1,4 +1,4 @@
-//! The state of a training run between two iterations.
+//! This module takes and restores the state of a training run between two iterations.
 //!
 //! Whatever else an iteration does follows from its number, the config and the supervision:
 //! view orders, learning rates and random numbers are functions of it ([`super::schedule`],
@@ -17,7 +17,7 @@ use crate::gpu::PORTION;
 use crate::render::{Model, most_gaussians};
 
 impl Trainer<'_> {
-    /// The state now.
+    /// Returns the state as it is now.
     pub fn state(&self) -> State {
         let model = &self.optimizer.model;
         State {
@@ -32,8 +32,8 @@ impl Trainer<'_> {
         }
     }
 
-    /// The optimizer's buffers as bytes in a row, in portions that are read from the GPU when it is
-    /// their turn.
+    /// Reads the optimizer's buffers as bytes in a row, in portions that are read from the GPU when
+    /// it is their turn.
     ///
     /// # Errors
     /// An item may be a GPU fault.
@@ -98,7 +98,7 @@ impl Trainer<'_> {
     }
 }
 
-/// A CRC-32 of everything that a run learns from, by name.
+/// Returns a CRC-32 of everything that a run learns from, by name.
 pub fn fingerprint(supervision: &Supervision, start: &Gaussians) -> BTreeMap<String, u32> {
     let mut parts = BTreeMap::new();
     for view in supervision.real.iter().chain(&supervision.virtual_views) {

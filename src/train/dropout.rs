@@ -1,5 +1,5 @@
-//! The trainer's dropout: who is left out of an iteration's renders, guided where the config asks for
-//! it.
+//! The trainer's dropout decides who is left out of an iteration's renders, guided if the config
+//! asks for it.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -38,7 +38,7 @@ impl Trainer<'_> {
         Ok(())
     }
 
-    /// View `k` of all, the real ones first, with the dropout of an iteration.
+    /// Returns view `k` of all, the real ones first, with the dropout of an iteration.
     pub(super) fn dropped_out(&self, view: ViewUniform, k: usize, dropout: Dropout) -> ViewUniform {
         let view = view.with_dropout(dropout.rate, dropout.key);
         match self.guides.get(k) {

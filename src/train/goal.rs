@@ -1,6 +1,6 @@
-//! Goals in little memory.
+//! This module holds target images in little memory.
 
-/// What a view is compared with, RGBA8, red in the lowest byte, packed without loss: a bit a pixel
+/// The target image of a view, RGBA8, red in the lowest byte, packed without loss: a bit a pixel
 /// says whether it is anything but 0, and those that are have 3 bytes each, or 4 where any of them
 /// has another alpha than 255.
 ///
@@ -56,14 +56,14 @@ impl Goal {
         }
     }
 
-    /// The pixels, row by row.
+    /// Returns the pixels, unpacked, row by row.
     pub fn texels(&self) -> Vec<u32> {
         let mut texels = Vec::new();
         self.unpack(&mut texels);
         texels
     }
 
-    /// Sum of all alphas, 0 to 255 each.
+    /// Returns the sum of all alphas, 0 to 255 each.
     pub fn total_alpha(&self) -> u64 {
         match &self.alpha {
             Some(alpha) => alpha.iter().map(|a| u64::from(*a)).sum(),
@@ -71,12 +71,12 @@ impl Goal {
         }
     }
 
-    /// Bytes that it takes.
+    /// Returns the bytes that it takes.
     pub fn bytes(&self) -> usize {
         8 * self.covered.len() + self.rgb.len() + self.alpha.as_ref().map_or(0, Vec::len)
     }
 
-    /// Everything that its pixels follow from, for checksums.
+    /// Returns everything that its pixels follow from, for checksums.
     pub(super) fn parts(&self) -> [&[u8]; 3] {
         [
             bytemuck::cast_slice(&self.covered),

@@ -1,5 +1,5 @@
-//! Dropout guided by depth and density (Song et al. 2026, "D2GS", eqs. 1-3): Gaussians that are
-//! near the camera and crowded are left out more often.
+//! Dropout may be guided by depth and density (Song et al. 2026, "D2GS", eqs. 1-3): Gaussians that
+//! are near the camera and crowded are left out more often.
 //!
 //! With `d` the distance to the camera and `rho` the mean distance to the six nearest others, less
 //! than zero so that crowded is more, both brought to [0, 1] over all Gaussians, and `t1`, `t2` the
@@ -36,7 +36,7 @@ pub struct Guide {
 }
 
 impl Guide {
-    /// For a camera at `center`; `None` without Gaussians.
+    /// Makes the guide for a camera at `center`; `None` without Gaussians.
     pub fn of(center: DVec3, means: &[Vec3]) -> Option<Guide> {
         let distances = means.iter().map(|m| m.as_dvec3().distance(center));
         let mut distances: Vec<f64> = distances.collect();
@@ -54,7 +54,7 @@ impl Guide {
         })
     }
 
-    /// The camera's view under this guide, with the weights of depth and density.
+    /// Returns the camera's view under this guide, with the weights of depth and density.
     pub fn applied(&self, [depth, density]: [f64; 2], view: ViewUniform) -> ViewUniform {
         let per_distance = depth / (self.farthest - self.nearest).max(MIN_SPAN);
         let [near_layer, middle_layer] = self.tertiles;
@@ -68,7 +68,7 @@ impl Guide {
     }
 }
 
-/// `rho` of every Gaussian.
+/// Returns `rho` of every Gaussian, how crowded it is, in [0, 1].
 pub fn density_scores(means: &[Vec3]) -> Vec<f32> {
     let spacings = mean_over_nearest(means, N_NEIGHBORS, f64::sqrt);
     let spacings: Vec<f64> = spacings.into_iter().map(|s| s.unwrap_or(0.0)).collect();

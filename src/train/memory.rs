@@ -1,4 +1,4 @@
-//! What training's buffers will take, before there are any.
+//! This module predicts what training's buffers will take, before there are any.
 
 use super::optimizer::{plan_bytes, statistics_bytes, with_room};
 use super::supervision::Supervision;
@@ -17,9 +17,9 @@ pub struct TrainingBytes {
     pub n_gaussians: usize,
     /// Pairs of one view that there is room for.
     pub n_pairs: usize,
-    /// The Gaussians.
+    /// The Gaussians' parameters.
     pub model: u64,
-    /// Both of Adam's.
+    /// Both of Adam's moments.
     pub moments: u64,
     /// What densification gathers, and the uniform of an Adam step.
     pub statistics: u64,
@@ -27,14 +27,16 @@ pub struct TrainingBytes {
     pub workspace: WorkspaceBytes,
     /// Gradients of poses, where they are refined.
     pub poses: u64,
-    /// What the host reads at once.
+    /// Staging buffer of the largest block that the host reads at once.
     pub reading: u64,
-    /// What densifying holds beside the old set.
+    /// The new set of one model and its plan, beside the old one, while it densifies; 0 at the
+    /// start.
     pub densifying: u64,
 }
 
 impl TrainingBytes {
-    /// What training that starts from `n` Gaussians takes, until it densifies or more pairs are needed.
+    /// Returns what training that starts from `n` Gaussians takes, until it densifies or more pairs
+    /// are needed.
     pub fn at_start(
         gpu: &Gpu,
         n: usize,
@@ -45,8 +47,8 @@ impl TrainingBytes {
         Self::with(capacity, n, config)
     }
 
-    /// The same while it densifies to `config.densify.max_gaussians`; `None` where nothing grows.
-    /// Pairs have grown in proportion.
+    /// Returns the same while it densifies to `config.densify.max_gaussians`; `None` where nothing
+    /// grows. Pairs have grown in proportion.
     pub fn at_most(
         gpu: &Gpu,
         n: usize,
@@ -89,7 +91,7 @@ impl TrainingBytes {
         }
     }
 
-    /// Bytes of a (tile, Gaussian) pair, but for the sort's counts.
+    /// Returns the bytes of a (tile, Gaussian) pair, but for the sort's counts.
     pub fn bytes_a_pair(&self) -> u64 {
         let WorkspaceBytes {
             pairs,
@@ -101,18 +103,18 @@ impl TrainingBytes {
         (pairs + pairs / 3 * 2 + pair_gradients) / n
     }
 
-    /// What is held between two iterations.
+    /// Returns the bytes that are held between two iterations.
     pub fn held(&self) -> u64 {
         self.model + self.moments + self.statistics + self.workspace.total() + self.poses
     }
 
-    /// What is held at the worst moment.
+    /// Returns the bytes that are held at the worst moment.
     pub fn peak(&self) -> u64 {
         self.held() + self.reading.max(self.densifying)
     }
 }
 
-/// The room that training starts with.
+/// Returns the room that training starts with.
 pub(super) fn start_capacity(
     gpu: &Gpu,
     n: usize,
@@ -126,7 +128,7 @@ pub(super) fn start_capacity(
     Capacity::new(n, first_pairs(gpu, n), &views)
 }
 
-/// A canonical camera as the kernels take it.
+/// Returns a canonical camera as the kernels take it.
 pub(super) fn uniform(camera: &Camera, supervision: &Supervision, config: &Config) -> ViewUniform {
     ViewUniform::new(camera, supervision.near, config.model.background)
 }

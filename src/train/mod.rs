@@ -1,8 +1,8 @@
-//! Training: one real and one virtual view an iteration, Adam, densification.
+//! Training takes one real and one virtual view an iteration, with Adam and densification.
 //!
 //! [`schedule`] says what an iteration does, [`optimizer`] steps the parameters on the GPU,
-//! [`policy`] decides on the CPU which Gaussians come and go, [`trainer`] runs the loop and tells an
-//! [`observer`], and [`checkpoint`] takes it apart and puts it together again between two
+//! [`policy`] decides on the CPU which Gaussians come and go, [`trainer`] runs the loop and tells
+//! an [`observer`], and [`checkpoint`] takes it apart and puts it together again between two
 //! iterations. [`supervision`] is what they learn from, [`memory`] says what that takes, [`shell`]
 //! is a background of Gaussians beyond the scene, [`pose_adam`] moves cameras, where they are
 //! refined, and [`guide`] chooses whom dropout leaves out.

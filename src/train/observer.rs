@@ -1,4 +1,4 @@
-//! What a training run tells as it goes.
+//! An observer is told of a training run as it goes.
 
 use super::record::LossSample;
 use super::state::State;
@@ -6,23 +6,23 @@ use crate::error::Result;
 use crate::gpu::{Gpu, Profile};
 use crate::render::Model;
 
-/// Told of the training as it goes; nothing that it does changes what is trained.
+/// An observer is told of the training as it goes; nothing that it does changes what is trained.
 pub trait Observer {
-    /// After every look at the losses.
+    /// Is called after every look at the losses.
     fn look(&mut self, sample: &LossSample, n_gaussians: usize);
 
-    /// Whether the iteration that makes `done` is to be timed.
+    /// Says whether the iteration that makes `done` is to be timed.
     fn times(&self, _done: u32) -> bool {
         false
     }
 
-    /// What times it by kernel, if anything.
+    /// Returns what times the iteration by kernel, if anything does.
     fn profile(&mut self) -> Option<&mut Profile> {
         None
     }
 
-    /// After such an iteration, once it is done on the GPU. One that has to be repeated is told of
-    /// when it is done.
+    /// Is called after an iteration that is timed, once it is done on the GPU. One that has to be
+    /// repeated counts when the repetition is done.
     ///
     /// # Errors
     /// End the training.
@@ -30,12 +30,13 @@ pub trait Observer {
         Ok(())
     }
 
-    /// Whether [`Observer::inspect`] is to be called after `done` iterations (0: at the start).
+    /// Says whether [`Observer::inspect`] is to be called after `done` iterations (0: at the
+    /// start).
     fn inspects(&self, _done: u32) -> bool {
         false
     }
 
-    /// Shown the Gaussians after `done` iterations, before densification, pruning and opacity
+    /// Is shown the Gaussians after `done` iterations, before densification, pruning and opacity
     /// reset that may follow (as 3DGS reports).
     ///
     /// # Errors
@@ -44,7 +45,7 @@ pub trait Observer {
         Ok(())
     }
 
-    /// Whether [`Observer::keep`] is to be called after `done` iterations.
+    /// Says whether [`Observer::keep`] is to be called after `done` iterations.
     fn keeps(&self, _done: u32) -> bool {
         false
     }

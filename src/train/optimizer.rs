@@ -1,4 +1,4 @@
-//! Adam on the GPU, and the changes of the set of Gaussians between steps.
+//! This module runs Adam on the GPU, and changes the set of Gaussians between steps.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -24,7 +24,7 @@ impl OptimizerKernels {
         Self::from_sources(gpu, &shader::compose)
     }
 
-    /// Kernels of other sources than the program's.
+    /// Compiles kernels of other sources than the program's.
     pub fn from_sources(gpu: &Gpu, sources: Sources<'_>) -> OptimizerKernels {
         let stage = |name: &str, degree: u32| Stage::new(gpu, name, sources(name, degree));
         let kernel = |name: &str, entry| stage(name, 0).kernel(gpu, entry);
@@ -99,7 +99,7 @@ pub struct StepView {
 }
 
 impl StepUniform {
-    /// The step after `iteration` steps. `centers` are the optical centres of its views.
+    /// Returns the step after `iteration` steps. `centers` are the optical centres of its views.
     pub fn new(config: &Config, iteration: u32, extent: f64, centers: &[[f64; 3]]) -> StepUniform {
         let o = &config.optimizer;
         let mean = schedule::mean_rate(o, iteration, config.iterations, extent) as f32;
@@ -140,8 +140,8 @@ impl StepUniform {
         }
     }
 
-    /// The same step for Gaussians up to this distance from the focus; those beyond learn colour
-    /// alone.
+    /// Returns the same step for Gaussians up to this distance from the focus; those beyond learn
+    /// colour alone.
     pub fn within(mut self, frozen_beyond: f32) -> StepUniform {
         self.frozen_beyond = frozen_beyond;
         self
@@ -192,18 +192,18 @@ const STEP: BufferKind = BufferKind::uniform::<StepUniform>("step");
 const SOURCES: BufferKind = BufferKind::storage::<u32>("sources");
 const CHANGES: BufferKind = BufferKind::storage::<[f32; 4]>("changes");
 
-/// Bytes of an [`Optimizer`] beyond its three models.
+/// Returns the bytes of an [`Optimizer`] beyond its three models.
 pub(super) fn statistics_bytes(stride: usize) -> u64 {
     STATISTICS.bytes(stride) + STEP.bytes(1)
 }
 
-/// Bytes that [`Optimizer::rearrange`] takes beside the new set of one model.
+/// Returns the bytes that [`Optimizer::rearrange`] takes beside the new set of one model.
 pub(super) fn plan_bytes(n: usize) -> u64 {
     SOURCES.bytes(n) + CHANGES.bytes(n)
 }
 
-/// Entries a plane for `n` Gaussians and some that will come, so that buffers need not follow
-/// every plan.
+/// Returns the entries a plane for `n` Gaussians and some that will come, so that buffers need not
+/// follow every plan.
 pub(super) fn with_room(n: usize, most: usize) -> usize {
     (n + n / 4).min(most).max(n)
 }
@@ -237,8 +237,8 @@ impl Optimizer {
         })
     }
 
-    /// Everything that a step changes: the blocks of the parameters, of the first and of the second
-    /// moment, and the statistics.
+    /// Returns everything that a step changes: the blocks of the parameters, of the first and of
+    /// the second moment, and the statistics.
     pub fn buffers(&self) -> Vec<&Buffer> {
         let models = [&self.model, &self.first_moment, &self.second_moment];
         let blocks = models
@@ -247,8 +247,8 @@ impl Optimizer {
         blocks.chain([&self.statistics]).collect()
     }
 
-    /// Bind groups of the Adam dispatches for the gradients in `workspace`, by active SH degree
-    /// and parameter block.
+    /// Makes the bind groups of the Adam dispatches for the gradients in `workspace`, by active SH
+    /// degree and parameter block.
     pub fn bind(
         &self,
         gpu: &Gpu,

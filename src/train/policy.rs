@@ -1,5 +1,6 @@
-//! Which Gaussians come and go: 3DGS's densification and pruning, and the paper's coverage-aware
-//! rules. Decides on the host from what the GPU has gathered; [`super::optimizer`] applies it.
+//! The policy decides which Gaussians come and go: 3DGS's densification and pruning, and the
+//! paper's coverage-aware rules. It decides on the host from what the GPU has gathered;
+//! [`super::optimizer`] applies it.
 
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use rand::SeedableRng;
@@ -23,7 +24,7 @@ pub const NEW: u32 = 1 << 31;
 /// 3DGS: each half of a split Gaussian is smaller by 0.8 times their number.
 const SPLIT_SHRINK: f64 = 1.6;
 
-/// What the policy looks at, per Gaussian; canonical frame.
+/// All that the policy looks at, one entry a Gaussian; canonical frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Gathered {
     /// Centres.
@@ -86,7 +87,7 @@ impl Judgement {
     }
 }
 
-/// What the scene decides, in the canonical frame.
+/// The scene's part in the decision, in the canonical frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Surroundings<'a> {
     /// The coverage scores `Q_i` of the training cameras, which the coverage-aware rules go by.
@@ -233,7 +234,8 @@ impl Rules<'_> {
     }
 }
 
-/// Kept Gaussians first, in order; then the clones; then the halves of the split ones (3DGS).
+/// Writes the plan: kept Gaussians first, in order; then the clones; then the halves of the split
+/// ones (3DGS).
 fn carry_out(gathered: &Gathered, fates: &[Judgement], seed: u64, done: u32) -> Plan {
     let mut plan = Plan::default();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);

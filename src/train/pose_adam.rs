@@ -1,4 +1,4 @@
-//! Adam on the pose of a camera.
+//! This module applies Adam to the pose of a camera.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,8 +17,8 @@ pub struct PoseAdam {
 }
 
 impl PoseAdam {
-    /// The camera after a step (Kingma and Ba 2015) against the gradient `d`; `rates` are those of
-    /// turns (radians) and of shifts (units of length).
+    /// Returns the camera after a step (Kingma and Ba 2015) against the gradient `d`; `rates` are
+    /// those of turns (radians) and of shifts (units of length).
     pub fn step(&mut self, camera: &Camera, d: [f64; 6], rates: [f64; 2]) -> Camera {
         self.n += 1;
         let [b1, b2] = BETAS;

@@ -1,4 +1,5 @@
-//! The trainer's cameras: the training views' poses, refined where the config asks for it.
+//! This module has the trainer's cameras: the training views' poses, refined if the config asks for
+//! it.
 
 use super::memory::uniform;
 use super::refine::{RefinedPose, pose_rates};
@@ -27,7 +28,7 @@ impl Trainer<'_> {
         Ok(())
     }
 
-    /// The training cameras now, canonical frame.
+    /// Returns the training cameras now, canonical frame.
     pub(super) fn cameras(&self) -> Vec<Camera> {
         let views = self.supervision.real.iter().enumerate();
         let camera = |(k, view): (usize, &TrainingView)| match self.poses() {
@@ -37,7 +38,7 @@ impl Trainer<'_> {
         views.map(camera).collect()
     }
 
-    /// The refined poses, where the config asks for them.
+    /// Returns the refined poses, `None` unless the config asks for them.
     pub(super) fn poses(&self) -> Option<&Vec<RefinedPose>> {
         self.refinement.as_ref().map(|r| &r.poses)
     }

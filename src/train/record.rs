@@ -1,4 +1,4 @@
-//! What a training run notes as it goes, and what it leaves.
+//! This module has what a training run notes as it goes, and what it leaves.
 
 use serde::{Deserialize, Serialize};
 
@@ -53,9 +53,9 @@ pub struct PlanRecord {
     pub counts: PlanCounts,
 }
 
-/// What a training run leaves.
+/// The outcome of a training run.
 pub struct Trained {
-    /// Canonical frame.
+    /// The trained Gaussians, canonical frame.
     pub gaussians: Gaussians,
     /// The training cameras, refined where the config asks for it; canonical frame.
     pub cameras: Vec<Camera>,

@@ -1,4 +1,4 @@
-//! Poses of the training cameras refined with the Gaussians (as InstantSplat, Fan et al. 2024,
+//! Poses of the training cameras are refined with the Gaussians (as InstantSplat, Fan et al. 2024,
 //! does; earlier BARF, Lin et al. 2021).
 //!
 //! Each training camera moves by Adam on the six motions of [`Camera::moved`], on the CPU in f64,
@@ -17,10 +17,10 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::render::{Model, PoseGradient, PoseKernels, Workspace};
 
-/// The training cameras on their way.
+/// The training cameras while they are refined.
 pub(super) struct Refinement {
     pub kernels: PoseKernels,
-    /// None while it is bound to nothing.
+    /// `None` while it is bound to nothing.
     pub gradient: Option<PoseGradient>,
     pub poses: Vec<RefinedPose>,
 }
@@ -95,7 +95,7 @@ impl RefinedPose {
         self.translation = camera.translation.to_array();
     }
 
-    /// The camera of `view` at this pose.
+    /// Returns the camera of `view` at this pose.
     pub fn camera(&self, view: &TrainingView) -> Camera {
         Camera {
             rotation: glam::DMat3::from_cols_array(&self.rotation),
@@ -105,9 +105,9 @@ impl RefinedPose {
     }
 }
 
-/// Step sizes of turns (radians) and shifts (`R`) at `iteration` (from 0): exponential from the
-/// first to the last. From the first iteration on, for Gaussians that have learned photographs from
-/// poses that are off hold the poses there.
+/// Returns the step sizes of turns (radians) and shifts (`R`) at `iteration` (from 0): exponential
+/// from the first to the last. They act from the first iteration on, since Gaussians that have
+/// learned photographs from poses that are off hold the poses there.
 pub fn pose_rates(config: &PosesConfig, iteration: u32, iterations: u32) -> [f64; 2] {
     let progress = f64::from(iteration) / f64::from(iterations.max(1));
     [config.turn_lr, config.shift_lr].map(|rate| rate * config.rate_left.powf(progress))

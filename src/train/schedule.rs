@@ -1,4 +1,5 @@
-//! What an iteration does, as a function of its number and the seed alone: a step can be repeated.
+//! The schedule says what an iteration does, as a function of its number and the seed alone: a step
+//! can be repeated.
 
 use rand::seq::SliceRandom;
 use rand::{Rng, SeedableRng};
@@ -22,7 +23,7 @@ pub struct ViewOrder {
 }
 
 impl ViewOrder {
-    /// The order in which `n` real views are trained on.
+    /// Makes the order in which `n` real views are trained on.
     pub fn real(seed: u64, n: usize) -> ViewOrder {
         ViewOrder {
             seed,
@@ -32,7 +33,7 @@ impl ViewOrder {
         }
     }
 
-    /// The order in which `n` virtual views are trained on.
+    /// Makes the order in which `n` virtual views are trained on.
     pub fn virtual_views(seed: u64, n: usize) -> ViewOrder {
         ViewOrder {
             stream: VIRTUAL_STREAM,
@@ -40,7 +41,7 @@ impl ViewOrder {
         }
     }
 
-    /// The view of iteration `iteration` (from 0); `None` where there are no views.
+    /// Returns the view of iteration `iteration` (from 0); `None` where there are no views.
     pub fn view(&mut self, iteration: u32) -> Option<usize> {
         let n = u32::try_from(self.order.len()).ok().filter(|&n| n > 0)?;
         let epoch = iteration / n;
@@ -55,15 +56,15 @@ impl ViewOrder {
     }
 }
 
-/// Position learning rate at `iteration` (from 0) of `iterations`: log-linear from start to end,
-/// times `extent` (3DGS).
+/// Returns the position learning rate at `iteration` (from 0) of `iterations`: log-linear from
+/// start to end, times `extent` (3DGS).
 pub fn mean_rate(config: &OptimizerConfig, iteration: u32, iterations: u32, extent: f64) -> f64 {
     let t = f64::from(iteration) / f64::from(iterations.max(1));
     let log = config.mean_lr_start.ln() * (1.0 - t) + config.mean_lr_end.ln() * t;
     log.exp() * extent
 }
 
-/// Active SH degree at `iteration` (from 0).
+/// Returns the active SH degree at `iteration` (from 0).
 pub fn sh_degree(config: &Config, iteration: u32) -> u32 {
     (iteration / config.model.sh_interval.max(1)).min(config.model.sh_degree)
 }
@@ -77,7 +78,7 @@ pub struct Dropout {
     pub key: u32,
 }
 
-/// The dropout at `iteration` (from 0): `p` goes from `rate_start` to `rate_end` as
+/// Returns the dropout at `iteration` (from 0): `p` goes from `rate_start` to `rate_end` as
 /// `iteration / iterations` does from 0 to 1 (DropGaussian from 0; D2GS).
 pub fn dropout(config: &Config, iteration: u32) -> Dropout {
     let progress = f64::from(iteration) / f64::from(config.iterations.max(1));
@@ -90,7 +91,7 @@ pub fn dropout(config: &Config, iteration: u32) -> Dropout {
     }
 }
 
-/// Whether densification follows after `done` iterations (3DGS).
+/// Returns whether densification follows after `done` iterations (3DGS).
 pub fn densifies(config: &Config, done: u32) -> bool {
     let densify = &config.densify;
     densify.enabled
@@ -99,13 +100,13 @@ pub fn densifies(config: &Config, done: u32) -> bool {
         && due(config, done, densify.interval)
 }
 
-/// Whether coverage-aware pruning follows after `done` iterations.
+/// Returns whether coverage-aware pruning follows after `done` iterations.
 pub fn prunes_by_coverage(config: &Config, done: u32) -> bool {
     let coverage = &config.coverage;
     coverage.prune && done >= coverage.start && due(config, done, coverage.interval)
 }
 
-/// Whether the opacities are reset after `done` iterations (3DGS).
+/// Returns whether the opacities are reset after `done` iterations (3DGS).
 pub fn resets_opacity(config: &Config, done: u32) -> bool {
     let densify = &config.densify;
     densify.enabled
@@ -114,8 +115,8 @@ pub fn resets_opacity(config: &Config, done: u32) -> bool {
         && due(config, done, densify.opacity_reset_interval)
 }
 
-/// Whether a change of the set that comes every `interval` iterations follows after `done`. None
-/// follows the last iteration: no step would train what it leaves, and 3DGS saves before it.
+/// Returns whether a change of the set that comes every `interval` iterations follows after `done`.
+/// None follows the last iteration: no step would train what it leaves, and 3DGS saves before it.
 fn due(config: &Config, done: u32, interval: u32) -> bool {
     interval > 0 && done > 0 && done < config.iterations && done.is_multiple_of(interval)
 }

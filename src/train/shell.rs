@@ -1,4 +1,4 @@
-//! The far shell: a background that lives in the file.
+//! The far shell is a background that lives in the file.
 //!
 //! Large round Gaussians tile a sphere about the focus, beyond every camera and every point of the
 //! cloud. They learn colour alone: with their geometry frozen they can neither come before the
@@ -28,7 +28,7 @@ pub struct Shell {
 }
 
 impl Shell {
-    /// The shell around `scene`, or `None` where `config.count` is 0.
+    /// Returns the shell around `scene`, or `None` where `config.count` is 0.
     pub fn around(scene: &Gaussians, config: &ShellConfig) -> Option<Shell> {
         let distances = scene.means.iter().map(|mean| mean.as_dvec3().length());
         let farthest = distances.fold(0.0, f64::max);
@@ -38,17 +38,17 @@ impl Shell {
         })
     }
 
-    /// Number of its Gaussians.
+    /// Returns the number of its Gaussians.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// Gaussians farther than this from the focus are the shell's.
+    /// Returns the distance from the focus beyond which Gaussians are the shell's.
     pub fn inner_radius(&self) -> f64 {
         self.radius / MARGIN.sqrt()
     }
 
-    /// Its Gaussians, all of one `color` (RGB, 0 to 1), on a Fibonacci sphere.
+    /// Makes its Gaussians, all of one `color` (RGB, 0 to 1), on a Fibonacci sphere.
     pub fn gaussians(&self, color: DVec3, sh_degree: u32) -> Gaussians {
         let count = self.count;
         let spacing = self.radius * (4.0 * std::f64::consts::PI / count as f64).sqrt();

@@ -1,4 +1,4 @@
-//! The state of a training run between two iterations, but for the buffers.
+//! The state of a training run between two iterations lies here, but for the buffers.
 
 use serde::{Deserialize, Serialize};
 
@@ -29,7 +29,8 @@ pub struct State {
 }
 
 impl State {
-    /// `vec4f`s of each buffer: the blocks of the parameters, of both moments, the statistics.
+    /// Returns the `vec4f`s of each buffer: the blocks of the parameters, of both moments, the
+    /// statistics.
     pub(super) fn buffer_lens(&self) -> Vec<usize> {
         let planes = &BLOCK_PLANES[..n_blocks(self.sh_degree)];
         let planes = [planes, planes, planes, &[1]].concat();

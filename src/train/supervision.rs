@@ -1,4 +1,4 @@
-//! What a training run learns from.
+//! The supervision is what a training run learns from.
 
 use super::goal::Goal;
 use super::shell::Shell;
@@ -23,7 +23,7 @@ pub struct TrainingView {
 }
 
 impl TrainingView {
-    /// A photograph in RGBA8: every pixel weighs 1, as does its loss.
+    /// Takes a photograph in RGBA8: every pixel weighs 1, as does its loss.
     pub fn photograph(camera: Camera, goal: &[u32]) -> TrainingView {
         TrainingView {
             masked: false,
@@ -31,7 +31,8 @@ impl TrainingView {
         }
     }
 
-    /// The photograph of a scene's view: what its mask has training ignore weighs nothing.
+    /// Takes the photograph of a scene's view; pixels that its mask leaves out of training weigh
+    /// nothing.
     pub fn of(camera: Camera, view: &View) -> TrainingView {
         match view.counts_whole() {
             true => Self::photograph(camera, &view.goal()),
@@ -39,12 +40,12 @@ impl TrainingView {
         }
     }
 
-    /// A view of which every pixel weighs what its alpha says.
+    /// Takes a target image in which every pixel weighs what its alpha says.
     pub fn masked(camera: Camera, goal: &[u32], weight: f64) -> TrainingView {
         Self::packed(camera, Goal::new(goal), weight)
     }
 
-    /// The same of a goal that is packed already.
+    /// Does the same for a target image that is packed already.
     pub fn packed(camera: Camera, goal: Goal, weight: f64) -> TrainingView {
         let total = goal.total_alpha();
         TrainingView {
@@ -57,14 +58,14 @@ impl TrainingView {
     }
 }
 
-/// What a training run learns from, in the canonical frame.
+/// All that a training run learns from, in the canonical frame.
 #[derive(Clone, Debug)]
 pub struct Supervision {
     /// The photographs, with the training cameras.
     pub real: Vec<TrainingView>,
     /// The splatted virtual views; empty in a run without them.
     pub virtual_views: Vec<TrainingView>,
-    /// Decides coverage-aware pruning and densification.
+    /// Coverage scores, which decide coverage-aware pruning and densification.
     pub coverage: Coverage,
     /// 3DGS's camera extent in the canonical frame: 1.1 times the greatest distance of a training
     /// camera from their mean. Cameras in one place have 1.1, as if they stood around the sphere.
@@ -76,8 +77,8 @@ pub struct Supervision {
 }
 
 impl Supervision {
-    /// Gaussians farther than this from the focus learn colour alone, and neither come nor go:
-    /// those of the far shell.
+    /// Returns the distance from the focus beyond which Gaussians learn colour alone and neither
+    /// come nor go: those of the far shell.
     pub fn frozen_beyond(&self) -> f32 {
         let shell = self.shell;
         shell.map_or(f32::INFINITY, |shell| shell.inner_radius() as f32)

@@ -1,4 +1,4 @@
-//! The training loop.
+//! This module has the training loop.
 
 use std::time::Instant;
 
@@ -147,13 +147,13 @@ impl<'a> Trainer<'a> {
         })
     }
 
-    /// What parts of the run have taken so far.
+    /// Returns what parts of the run have taken so far.
     pub fn seconds(&self) -> TrainerSeconds {
         self.seconds
     }
 
-    /// (tile, Gaussian) pairs that the buffers hold. A step that has more is repeated with
-    /// larger buffers.
+    /// Returns the number of (tile, Gaussian) pairs that the buffers have room for. A step that has
+    /// more is repeated with larger buffers.
     pub fn pair_capacity(&self) -> usize {
         self.workspace.capacity.pairs
     }
@@ -166,7 +166,7 @@ impl<'a> Trainer<'a> {
         self.grow(self.workspace.capacity.with_pairs(self.gpu, pairs))
     }
 
-    /// All iterations that are left, from the first or from where the run was restored.
+    /// Runs all iterations that are left, from the first or from where the run was restored.
     ///
     /// # Errors
     /// A request that the adapter cannot hold, or a GPU fault.
@@ -282,8 +282,9 @@ impl<'a> Trainer<'a> {
         StepViews { real, virtual_view }
     }
 
-    /// Grows the buffers if the pairs of a step or a tile's list did not fit, and returns that step's iteration
-    /// (from 0): nothing has changed since, so that it and those after it are to be taken again.
+    /// Grows the buffers if the pairs of a step or a tile's list did not fit, and returns that
+    /// step's iteration (from 0): nothing has changed since, so that it and those after it are to
+    /// be taken again.
     ///
     /// # Errors
     /// More pairs than the adapter can bind, or a GPU fault.
@@ -296,7 +297,7 @@ impl<'a> Trainer<'a> {
         Ok(Some(totals.overflow_step - 1))
     }
 
-    /// (tile, Gaussian) pairs of the last view, for benches.
+    /// Returns the number of (tile, Gaussian) pairs of the last view, for benches.
     ///
     /// # Errors
     /// A GPU fault.
