@@ -1,4 +1,4 @@
-//! Checkpoint files: one a state of the training, the newest two of a run.
+//! A checkpoint file holds one state of the training; a run keeps the newest two.
 //!
 //! ```text
 //! "gspckpt\0"   8 bytes
@@ -52,13 +52,13 @@ pub struct Found<H> {
 }
 
 impl Checkpoints {
-    /// Those in `folder`, which exists when one is saved: who removes a run's folder does not want
-    /// it back.
+    /// Names the checkpoints in `folder`, which must exist when one is saved: who removes a run's
+    /// folder does not want it back.
     pub fn new(folder: PathBuf) -> Checkpoints {
         Checkpoints { folder }
     }
 
-    /// The folder that the files lie in; it may not exist yet.
+    /// Returns the folder that the files lie in; it may not exist yet.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
@@ -142,7 +142,7 @@ impl Checkpoints {
         remove(&self.folder, |folder| fs::remove_dir_all(folder))
     }
 
-    /// From the oldest on.
+    /// Lists the files from the oldest on.
     fn files(&self) -> Result<Vec<PathBuf>> {
         let is_ours = |name: &str| {
             let stem = name
@@ -184,7 +184,7 @@ fn read<H: DeserializeOwned>(path: &Path) -> Result<(H, Vec<u8>)> {
 
 type Span = std::ops::Range<usize>;
 
-/// The places of header and payload in a whole checkpoint.
+/// Checks a whole checkpoint; returns the places of header and payload.
 fn verify(bytes: &[u8]) -> Result<(Span, Span)> {
     let damaged = |what: &str| Error::new(format!("damaged: {what}"));
     if bytes.len() < FRONT + CHECKSUM || !bytes.starts_with(MAGIC) {

@@ -1,4 +1,4 @@
-//! What `eval.json` holds.
+//! This module has what `eval.json` holds.
 //!
 //! JSON has no infinity: the PSNR of an identical image is written as null, as is what was not
 //! measured; a table says `inf` for the former. Fields that older versions did not write are
@@ -17,10 +17,10 @@ use crate::scene::PoseProtocol;
 pub struct Evaluation {
     /// Means over all test views.
     pub mean: Mean,
-    /// Over the masks of the views that have one; null where none has.
+    /// Means over the masks of the views that have one; null if none has.
     #[serde(default)]
     pub mean_masked: Option<MaskedMean>,
-    /// Over the covered pixels of the views that have some; null in files of older versions.
+    /// Mean over the covered pixels of the views that have some; null in files of older versions.
     #[serde(default)]
     pub mean_covered: Option<CoveredScore>,
     /// One entry a test view.
@@ -29,14 +29,14 @@ pub struct Evaluation {
     pub n_gaussians: usize,
     /// Seconds of training alone.
     pub train_s: Option<f64>,
-    /// What the cloud gives without any training.
+    /// Errors of the bare point splat of the cloud, without any training.
     pub point_splat: Option<PointSplatScore>,
-    /// What was measured and how; null in files of older versions.
+    /// The model, scene and way of measuring; null in files of older versions.
     #[serde(default)]
     pub measured: Option<Measured>,
 }
 
-/// What was measured and how.
+/// The model and scene that were measured, and the way of measuring.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// This program's version.
@@ -55,12 +55,12 @@ pub struct Measured {
     pub pose_protocol: PoseProtocol,
     /// Whether renders were rounded to 8 bit before they were measured.
     pub renders: Renders,
-    /// Null: LPIPS was not measured.
+    /// The LPIPS that was measured; null if none was.
     pub lpips: Option<LpipsRecord>,
 }
 
 impl Evaluation {
-    /// With the means over `views`; a metric that a view lacks has no mean.
+    /// Makes an evaluation with the means over `views`; a metric that a view lacks has no mean.
     pub fn new(views: Vec<ViewScore>, n_gaussians: usize, train_s: Option<f64>) -> Evaluation {
         let masked: Vec<MaskedScore> = views.iter().filter_map(|view| view.masked).collect();
         let covered: Vec<CoveredScore> = views.iter().filter_map(|view| view.covered).collect();
@@ -91,8 +91,8 @@ impl Evaluation {
         }
     }
 
-    /// As it was before it was written: PSNR is always measured with SSIM, or where pixels are
-    /// covered, so a null beside one is the infinite PSNR of identical images.
+    /// Returns the evaluation as it was before it was written: PSNR is always measured with SSIM,
+    /// or where pixels are covered, so a null beside one is the infinite PSNR of identical images.
     pub(super) fn with_infinities(mut self) -> Evaluation {
         let restore = |psnr: &mut Option<f64>, beside: Option<f64>| {
             if psnr.is_none() && beside.is_some() {

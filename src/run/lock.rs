@@ -1,4 +1,4 @@
-//! One process at a time in a run directory.
+//! The lock lets one process at a time write a run directory.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::path::Path;
@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 /// the process, however that ends.
 pub(crate) const LOCK_FILE: &str = ".lock";
 
-/// Held by the process that writes a run; released when dropped.
+/// The lock of a run directory, held by the process that writes it and released when dropped.
 #[derive(Debug)]
 pub(crate) struct RunLock {
     _file: File,

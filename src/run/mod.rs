@@ -1,4 +1,4 @@
-//! The run directory: one training run's config, model, pictures and figures.
+//! The run directory holds one training run's config, model, pictures and figures.
 //!
 //! ```text
 //! config.json      the resolved config
@@ -71,7 +71,7 @@ pub struct RunDir {
 }
 
 impl RunDir {
-    /// `runs/<scene>-<preset>-seed<seed>`.
+    /// Returns `runs/<scene>-<preset>-seed<seed>`.
     pub fn default_path(scene: &str, config: &Config) -> PathBuf {
         Path::new("runs").join(format!("{scene}-{}-seed{}", config.preset, config.seed))
     }
@@ -115,7 +115,7 @@ impl RunDir {
         Ok(run)
     }
 
-    /// An existing run to read, recognised by its `config.json`.
+    /// Opens an existing run to read, recognised by its `config.json`.
     pub fn open(root: &Path) -> Result<RunDir> {
         if !root.join("config.json").is_file() {
             return Err(Error::new("is no run directory: it has no config.json")
@@ -129,7 +129,7 @@ impl RunDir {
         })
     }
 
-    /// [`RunDir::open`] to write, too: no other process can until this is dropped.
+    /// Does what [`RunDir::open`] does, to write, too: no other process can until this is dropped.
     pub fn claim(root: &Path) -> Result<RunDir> {
         let run = Self::open(root)?;
         Ok(RunDir {
@@ -138,7 +138,7 @@ impl RunDir {
         })
     }
 
-    /// This run to write, too; locked by this value or by the result.
+    /// Returns this run to write, too; it is locked by this value or by the result.
     pub fn claimed(&self) -> Result<RunDir> {
         match self.lock {
             Some(_) => Ok(self.clone()),
@@ -149,8 +149,8 @@ impl RunDir {
         }
     }
 
-    /// This run with its scene in the folder `dir`, where it has moved since: [`RunDir::metrics`]
-    /// names it, and a cloud beside it, there.
+    /// Returns this run with its scene in the folder `dir`, where it has moved since:
+    /// [`RunDir::metrics`] names it, and a cloud beside it, there.
     pub fn with_scene_in(self, dir: &Path) -> RunDir {
         RunDir {
             scene: Some(dir.to_owned()),
@@ -158,17 +158,17 @@ impl RunDir {
         }
     }
 
-    /// Whether the scene is looked for in another folder than it was trained on.
+    /// Returns whether the scene is looked for in another folder than it was trained on.
     pub fn has_moved_scene(&self) -> bool {
         self.scene.is_some()
     }
 
-    /// Whether training and evaluation have ended; `metrics.json` is written last.
+    /// Returns whether training and evaluation have ended; `metrics.json` is written last.
     pub fn is_finished(&self) -> bool {
         self.root.join("metrics.json").is_file()
     }
 
-    /// Those of this run, in its `checkpoints/`.
+    /// Returns the checkpoints of this run, in its `checkpoints/`.
     pub fn checkpoints(&self) -> Checkpoints {
         Checkpoints::new(self.root.join(CHECKPOINTS))
     }
@@ -179,7 +179,7 @@ impl RunDir {
         self.write_json(JOB, job)
     }
 
-    /// What an unfinished run was asked for.
+    /// Reads what an unfinished run was asked for.
     pub fn job(&self) -> Result<JobRecord> {
         if !self.root.join(JOB).is_file() {
             return Err(Error::new("was stopped before its training began")
@@ -189,12 +189,12 @@ impl RunDir {
         self.read_json(JOB)
     }
 
-    /// The run directory.
+    /// Returns the run directory.
     pub fn root(&self) -> &Path {
         &self.root
     }
 
-    /// Short name for tables: the directory's own.
+    /// Returns the short name for tables: the directory's own.
     pub fn name(&self) -> String {
         match self.root.file_name() {
             Some(name) => name.to_string_lossy().into_owned(),
@@ -202,42 +202,42 @@ impl RunDir {
         }
     }
 
-    /// Path of the trained Gaussians, which a run without a finished training lacks.
+    /// Returns the path of the trained Gaussians, which a run without a finished training lacks.
     pub fn point_cloud(&self) -> PathBuf {
         self.root.join("point_cloud.ply")
     }
 
-    /// Path of the cameras: training, test and virtual views.
+    /// Returns the path of the cameras: training, test and virtual views.
     pub fn cameras(&self) -> PathBuf {
         self.root.join("cameras.json")
     }
 
-    /// Contact sheet of the virtual views and their masks.
+    /// Returns the path of the contact sheet of the virtual views and their masks.
     pub fn virtual_sheet(&self) -> PathBuf {
         self.root.join("virtual").join(SHEET)
     }
 
-    /// Contact sheet of the test views, each render beside its photograph.
+    /// Returns the path of the contact sheet of the test views, each render beside its photograph.
     pub fn test_sheet(&self) -> PathBuf {
         self.root.join("test").join(SHEET)
     }
 
-    /// Folder for the renders of the test views, which [`file_names`] names.
+    /// Returns the folder for the renders of the test views, which [`file_names`] names.
     pub fn test_views(&self) -> PathBuf {
         self.root.join("test")
     }
 
-    /// The run as a page.
+    /// Returns the path of the run's page.
     pub fn report(&self) -> PathBuf {
         self.root.join("report.html")
     }
 
-    /// The file of the resolved config that the run was trained with.
+    /// Returns the path of the resolved config that the run was trained with.
     pub fn config_file(&self) -> PathBuf {
         self.root.join("config.json")
     }
 
-    /// The resolved config that the run was trained with.
+    /// Reads the resolved config that the run was trained with.
     pub fn config(&self) -> Result<Config> {
         Config::from_file(&self.config_file())
     }
@@ -330,7 +330,7 @@ fn check_contents(root: &Path, overwrite: bool) -> Result<()> {
     Ok(())
 }
 
-/// Absent, or a directory with nothing in it but perhaps a lock.
+/// Returns whether a path is absent, or a directory with nothing in it but perhaps a lock.
 fn is_vacant(root: &Path) -> Result<bool> {
     match std::fs::read_dir(root) {
         Ok(mut entries) => {
@@ -341,7 +341,8 @@ fn is_vacant(root: &Path) -> Result<bool> {
     }
 }
 
-/// Older versions' configs count, too, so only the outline is looked at.
+/// Returns whether a directory holds a run. Older versions' configs count, too, so only the outline
+/// is looked at.
 fn is_run(root: &Path) -> bool {
     read_file(&root.join("config.json"))
         .ok()

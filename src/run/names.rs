@@ -1,10 +1,10 @@
-//! File names for views, whose names come from a scene's files.
+//! This module names files after views, whose names come from a scene's files.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-/// One file name a view with extension `ext`: the view's name with its own extension replaced,
-/// folders joined by `_`. No name leaves its folder, and no two are alike, not even in case;
-/// that of the contact sheet is taken.
+/// Returns one file name a view with extension `ext`: the view's name with its own extension
+/// replaced, folders joined by `_`. No name leaves its folder, and no two are alike, not even in
+/// case; that of the contact sheet is taken.
 pub fn file_names(views: &[&str], ext: &str) -> Vec<String> {
     let stems: Vec<String> = views.iter().map(|view| stem(&flat(view))).collect();
     let mut n_alike: BTreeMap<String, usize> = BTreeMap::new();

@@ -1,4 +1,4 @@
-//! What `profile.json` holds.
+//! This module has what `profile.json` holds.
 
 use std::collections::BTreeMap;
 
@@ -7,21 +7,21 @@ use serde::{Deserialize, Serialize};
 use super::Seconds;
 use crate::gpu::KernelTime;
 
-/// What a run's time went into: `profile.json`.
+/// The time that a run's parts took, `profile.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunProfile {
     /// The GPU adapter's name, driver and backend.
     pub adapter: String,
     /// Wall-clock seconds of each stage.
     pub seconds: Seconds,
-    /// What an iteration takes.
+    /// The time that an iteration takes.
     pub step: StepProfile,
 }
 
-/// What an iteration of training takes: means over a sample of them.
+/// The time that an iteration of training takes: means over a sample of them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StepProfile {
-    /// Iterations that were run, and those of them that were timed kernel by kernel.
+    /// Iterations that were run.
     pub iterations: u32,
     /// Those of `iterations` that were timed kernel by kernel.
     pub timed: u32,
@@ -43,7 +43,7 @@ pub struct KernelProfile {
 }
 
 impl StepProfile {
-    /// `times` are sums over the `timed` ones of `iterations` iterations.
+    /// Makes the means; `times` are sums over the `timed` ones of `iterations` iterations.
     pub fn new(
         times: &BTreeMap<&'static str, KernelTime>,
         (timed, iterations): (u32, u32),
@@ -67,7 +67,7 @@ impl StepProfile {
         }
     }
 
-    /// Seconds of all kernels.
+    /// Returns the seconds of all kernels.
     pub fn kernel_s(&self) -> f64 {
         self.kernels.iter().map(|k| k.seconds).sum()
     }

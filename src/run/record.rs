@@ -1,4 +1,4 @@
-//! What `metrics.json` holds.
+//! This module has what `metrics.json` holds.
 //!
 //! Everything that may differ between two equal runs is under `seconds` and `memory`.
 
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::scene::PoseProtocol;
 use crate::train::{LossSample, PlanCounts};
 
-/// What a training run did: `metrics.json`.
+/// The record of a training run, `metrics.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
     /// This program's version.
@@ -38,7 +38,7 @@ pub struct Metrics {
     pub curve: Vec<CurvePoint>,
 }
 
-/// What refinement made of a training camera's pose.
+/// The change that refinement made to a training camera's pose.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PoseChange {
     /// Name of the training view.
@@ -83,8 +83,8 @@ pub struct SceneRecord {
     /// Checksum of their places, colours and confidences; null in files of older versions.
     #[serde(default)]
     pub cloud_crc32: Option<u32>,
-    /// What the photographs of the training and then the test views show, in 8x8 cells; null in files of
-    /// older versions.
+    /// What the photographs of the training and then the test views show, in 8x8 cells; null in
+    /// files of older versions.
     #[serde(default)]
     pub thumbnails: Option<Vec<String>>,
     /// Points that each round of carving removed; null where it was off.
@@ -105,7 +105,7 @@ impl SceneRecord {
     }
 }
 
-/// What an unfinished run is asked for beyond its config.
+/// The request that an unfinished run was started with, beyond its config.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JobRecord {
     /// The scene, with what of it is taken.
@@ -133,9 +133,9 @@ pub struct Seconds {
     pub splat: Option<f64>,
     /// The first Gaussians, with their scales from the nearest points.
     pub gaussians: Option<f64>,
-    /// What is written before training, and checksums of what is learnt from.
+    /// Writing files before training, and taking checksums of what is learnt from.
     pub files: Option<f64>,
-    /// All compute pipelines.
+    /// Compiling all compute pipelines.
     pub compile: Option<f64>,
     /// Buffers allocated and filled, and a checkpoint read where the run is resumed.
     pub upload: Option<f64>,
@@ -147,7 +147,7 @@ pub struct Seconds {
     pub train: Option<f64>,
     /// Part of `train`: densification, pruning and opacity resets.
     pub densify: Option<f64>,
-    /// Part of `train`.
+    /// Writing checkpoints, a part of `train`.
     pub checkpoints: Option<f64>,
     /// Writing the trained model.
     pub write: Option<f64>,
@@ -158,8 +158,8 @@ pub struct Seconds {
 }
 
 impl Seconds {
-    /// From loading the scene to the written model, without any evaluation; none where it was not
-    /// trained.
+    /// Returns the seconds from loading the scene to the written model, without any evaluation;
+    /// `None` if it was not trained.
     pub fn to_model(&self) -> Option<f64> {
         let beside = [
             self.load,
@@ -193,6 +193,6 @@ pub struct ModelSize {
     pub iteration: u32,
     /// Gaussians after it.
     pub n_gaussians: usize,
-    /// What changed it; null for the start.
+    /// The step that changed the number, by reason; null for the start.
     pub plan: Option<PlanCounts>,
 }

@@ -1,4 +1,4 @@
-//! Ctrl-C and SIGTERM.
+//! Ctrl-C and SIGTERM stop a run gently.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
@@ -17,7 +17,7 @@ pub struct Stop {
 }
 
 impl Stop {
-    /// Asked for by [`Stop::ask`] alone.
+    /// Returns a stop that only [`Stop::ask`] asks for.
     pub fn unheard() -> Stop {
         Stop {
             asked: Arc::default(),
@@ -25,7 +25,7 @@ impl Stop {
         }
     }
 
-    /// Asked for by SIGINT (Ctrl-C) and SIGTERM; the same in the whole process.
+    /// Returns the stop that SIGINT (Ctrl-C) and SIGTERM ask for, the same in the whole process.
     ///
     /// # Errors
     /// The system refuses the handlers.
@@ -51,12 +51,13 @@ impl Stop {
         self.asked.store(true, Ordering::SeqCst);
     }
 
-    /// Whether a stop has been asked for.
+    /// Returns whether a stop has been asked for.
     pub fn asked(&self) -> bool {
         self.asked.load(Ordering::SeqCst)
     }
 
-    /// Until this is dropped, who asks is expected to look at [`Stop::asked`].
+    /// Has the first signal only ask: until this is dropped, the caller is expected to look at
+    /// [`Stop::asked`].
     pub fn gentle(&self) -> Gentle<'_> {
         self.at_once.store(false, Ordering::SeqCst);
         Gentle(self)
