@@ -1,4 +1,4 @@
-//! Brings a scene's test cameras into the frame of a run's model.
+//! This module brings a scene's test cameras into the frame of a run's model.
 
 use crate::camera::json::read_cameras;
 use crate::camera::{Camera, Frame, Similarity};
@@ -21,7 +21,7 @@ pub(super) struct Aligned {
     pub frame: Frame,
 }
 
-/// The test views of `scene` in the frame of the run's own training cameras.
+/// Brings the test views of `scene` into the frame of the run's own training cameras.
 ///
 /// # Errors
 /// A training camera that the run does not have, or cameras that fix no similarity.
@@ -55,8 +55,8 @@ pub(super) fn fitted(
     Ok(aligned)
 }
 
-/// From the scene's frame to that of the run's `cameras.json`; exactly the identity where the
-/// training cameras are in both alike.
+/// Finds the similarity from the scene's frame to that of the run's `cameras.json`; exactly the
+/// identity where the training cameras are in both alike.
 fn similarity_to(run: &RunDir, scene: &Scene, frame: &Frame) -> Result<Similarity> {
     let path = run.cameras();
     let all = read_cameras(&path)?;

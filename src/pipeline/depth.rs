@@ -1,4 +1,5 @@
-//! Depth through the colours: Gaussians as bright as they are deep, rendered as any others.
+//! Depth is rendered through the colours: Gaussians as bright as they are deep, rendered as any
+//! others.
 
 use crate::camera::Camera;
 use crate::error::Result;
@@ -6,9 +7,9 @@ use crate::gaussians::{Gaussians, SH_0};
 use crate::gpu::Gpu;
 use crate::render::{Model, Renderer, ViewUniform};
 
-/// Expected depth of every pixel along the camera's axis, `sum(w z) / sum(w)` over the blending
-/// weights `w` and the means' depths `z`, in the unit of the camera; 0 where nothing is. Row 0 on
-/// top.
+/// Renders the expected depth of every pixel along the camera's axis, `sum(w z) / sum(w)` over the
+/// blending weights `w` and the means' depths `z`, in the unit of the camera; 0 where nothing is.
+/// Row 0 on top.
 ///
 /// # Errors
 /// A view that the adapter cannot hold, or a GPU fault.

@@ -1,4 +1,4 @@
-//! What a training run would take, from its first iterations.
+//! A dry run tells what a training run would take, from its first iterations.
 
 use std::time::Instant;
 
@@ -18,7 +18,7 @@ const N_TIMED: u32 = 8;
 /// A run as it starts. Nothing of it is written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DryRun {
-    /// What was loaded from where.
+    /// The scene's source: what was loaded from where.
     pub scene: String,
     /// Photographs that are trained on.
     pub n_training_views: usize,
@@ -30,7 +30,7 @@ pub struct DryRun {
     pub n_iterations: u32,
     /// Gaussians that training starts from, those of the far shell among them.
     pub n_gaussians: usize,
-    /// Gaussians at which growth stops; None where nothing grows.
+    /// Gaussians at which growth stops; `None` if nothing grows.
     pub max_gaussians: Option<usize>,
     /// Virtual views that are trained on.
     pub n_virtual_views: usize,
@@ -38,11 +38,11 @@ pub struct DryRun {
     pub image_size: [u32; 2],
     /// Seconds before the first iteration: field, sampling, splatting.
     pub prepare_s: f64,
-    /// Measured over the first iterations.
+    /// Seconds an iteration, measured over the first ones.
     pub iteration_s: f64,
     /// How cloud and training views agree.
     pub agreement: Agreement,
-    /// Predicted.
+    /// Predicted memory of the whole run.
     pub memory: Forecast,
     /// Most bytes that buffers held so far.
     pub gpu_bytes: u64,

@@ -1,4 +1,4 @@
-//! Evaluation of a run at its scene's test views.
+//! This module evaluates a run at its scene's test views.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ use crate::run::{Evaluation, RunDir, SceneRecord};
 use crate::scene::PoseProtocol;
 use crate::scene::SceneSource;
 
-/// The evaluation that `run` holds, where it is that of its model, config and scene as they are
+/// Returns the evaluation that `run` holds if it is that of its model, config and scene as they are
 /// now, by this version, as `options` ask. It may have an LPIPS that they do not ask for. A scene
 /// that is not there any more could not be measured again and counts as unchanged.
 ///

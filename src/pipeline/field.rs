@@ -1,4 +1,4 @@
-//! The field and the sampling of a scene alone.
+//! This module makes the field and the sampling of a scene alone.
 
 use glam::DVec3;
 use serde::Serialize;
@@ -18,26 +18,27 @@ const TRAINING_COLOR: [u8; 3] = [224, 60, 49];
 const VIRTUAL_COLOR: [u8; 3] = [255, 255, 255];
 const ADVICE_COLOR: [u8; 3] = [255, 0, 220];
 
-/// What the photographs of a scene cover: `field.json`. Angles are degrees, by [`Compass`].
+/// The report of what a scene's photographs cover, `field.json`. Angles are degrees, by
+/// [`Compass`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FieldReport {
     /// Short name of the scene.
     pub scene: String,
-    /// Scene's own frame.
+    /// Pseudo-focus, scene's own frame.
     pub focus: [f64; 3],
-    /// Scene's own units.
+    /// Radius `R` of the sphere, scene's own unit.
     pub radius: f64,
     /// Unit vector that elevations are measured towards, scene's own frame.
     pub up: [f64; 3],
     /// The training cameras; their directions point from the focus to the optical centre.
     pub training: Vec<Place>,
-    /// In the order of the draw.
+    /// The virtual views, in the order of the draw.
     pub virtual_views: Vec<Place>,
     /// How much the training views leave uncovered.
     pub uncovered: Uncovered,
     /// The training cameras that have the focus behind them.
     pub looking_away: Vec<String>,
-    /// None where the cameras look outward: places around the focus that look at it would not help.
+    /// `None` if the cameras look outward: places around the focus that look at it would not help.
     pub advice: Option<Advice>,
     /// How cloud and training views agree.
     pub agreement: Agreement,
@@ -61,7 +62,7 @@ pub struct Place {
     pub nearest_angle: Option<f64>,
 }
 
-/// Shares in [0, 1] of the band of elevations.
+/// How much is uncovered within a band of elevations; shares in [0, 1].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Uncovered {
     /// The lowest and the highest elevation that count, degrees.
@@ -83,9 +84,10 @@ pub struct Advice {
     pub position: [f64; 3],
     /// Mean over the band once this photograph is taken, in [0, 1].
     pub mean_uncovered: f64,
-    /// From the nearest training camera: to the right of someone there who looks at the focus.
+    /// Degrees from the nearest training camera to the right of someone there who looks at the
+    /// focus.
     pub to_the_right: f64,
-    /// From the nearest training camera: how much higher, degrees of elevation.
+    /// Degrees of elevation above the nearest training camera.
     pub upwards: f64,
 }
 
@@ -97,7 +99,7 @@ pub struct FieldMaps {
     pub potential_svg: String,
     /// What is uncovered, with the advice.
     pub gaps_svg: String,
-    /// For the log.
+    /// Lines for the log.
     pub warnings: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! What a training run is asked for.
+//! A job says what a training run is asked for.
 
 use super::load_scene;
 use super::moved::thumbnail;
@@ -15,24 +15,24 @@ const MIN_TRAIN_VIEWS: usize = 2;
 pub struct TrainJob {
     /// A folder is absolute, so that the run can be evaluated from anywhere.
     pub source: SceneSource,
-    /// Names; otherwise the scene's own split.
+    /// Names of the views; `None`: the scene's own split.
     pub train_views: Option<Vec<String>>,
-    /// Names; otherwise the scene's own split.
+    /// Names of the views; `None`: the scene's own split.
     pub test_views: Option<Vec<String>>,
-    /// The cloud to take; None: the scene's own.
+    /// The cloud to take; `None`: the scene's own.
     pub cloud: Option<CloudSource>,
     /// The resolved config.
     pub config: Config,
-    /// Iterations between two points of the curve in `metrics.json`; otherwise it has none.
+    /// Iterations between two points of the curve in `metrics.json`; `None`: no curve.
     pub eval_every: Option<u32>,
-    /// Iterations between two checkpoints; otherwise about a minute.
+    /// Iterations between two checkpoints; `None`: about a minute.
     pub checkpoint_every: Option<u32>,
     /// Whether `profile.json` is written.
     pub profile: bool,
 }
 
 impl TrainJob {
-    /// A scene's own split and cloud, without a curve.
+    /// Makes a job with a scene's own split and cloud, without a curve.
     ///
     /// # Errors
     /// A folder that is not there.
@@ -51,7 +51,7 @@ impl TrainJob {
         })
     }
 
-    /// The job of a run whose scene was `record`, without a curve.
+    /// Makes the job of a run whose scene was `record`, without a curve.
     ///
     /// # Errors
     /// A folder that is no longer there.
@@ -64,7 +64,7 @@ impl TrainJob {
         })
     }
 
-    /// [`TrainJob::load`] of a job that was recorded.
+    /// Does what [`TrainJob::load`] does for a job that was recorded.
     pub fn load_again(&self) -> Result<Scene> {
         // What is wrong is the scene, not the command.
         self.load().map_err(|e| {
@@ -97,12 +97,12 @@ impl TrainJob {
     }
 }
 
-/// The cloud that is not the scene's own.
+/// Returns the cloud that is not the scene's own, if there is one.
 pub(super) fn cloud_of(record: &SceneRecord) -> Result<Option<CloudSource>> {
     record.cloud.as_deref().map(str::parse).transpose()
 }
 
-/// The scene before it is carved.
+/// Records the scene before it is carved.
 pub(super) fn record(scene: &Scene, job: &TrainJob) -> SceneRecord {
     let names = |views: &[View]| views.iter().map(|view| view.camera.name.clone()).collect();
     SceneRecord {

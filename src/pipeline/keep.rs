@@ -1,4 +1,4 @@
-//! When a run's state is kept, with what beside it, and going on from it.
+//! This module decides when a run's state is kept and with what beside it, and goes on from it.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -13,14 +13,15 @@ use crate::run::{CurvePoint, Found, RunDir, Stop};
 use crate::scene::Scene;
 use crate::train::{State, Trainer, fingerprint};
 
-/// Default spacing of checkpoints: at least this time, and this many times as long as the last one took.
+/// Default spacing of checkpoints: at least this time, and this many times as long as the last one
+/// took.
 const INTERVAL: Duration = Duration::from_secs(60);
 const COST_MULTIPLE: u32 = 50;
 
 /// Names of what differs that an error lists.
 const MAX_LISTED: usize = 4;
 
-/// What a run has to be, to go on from a checkpoint of it.
+/// The identity of a run, which a checkpoint must share for the run to go on from it.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Identity {
     /// Program and adapter: on others the bits differ.
@@ -88,7 +89,7 @@ fn refuse(what: &str, differing: &[String]) -> Result<()> {
         .way_out("restore it, or train again with --overwrite"))
 }
 
-/// What a checkpoint holds beside the buffers.
+/// The header of a checkpoint: all that it holds beside the buffers.
 #[derive(Serialize, Deserialize)]
 struct Header<I = Identity, S = State> {
     identity: I,
@@ -96,7 +97,7 @@ struct Header<I = Identity, S = State> {
     log: Log,
 }
 
-/// What is noted during training and goes into `metrics.json`.
+/// Notes of a training that go into `metrics.json`.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Log {
     /// Training, with its checkpoints.
@@ -121,7 +122,7 @@ pub(super) struct Keeper<'a> {
 }
 
 impl<'a> Keeper<'a> {
-    /// `every`: iterations between two checkpoints, otherwise by time.
+    /// Prepares to keep the run every `every` iterations, or by time without it.
     pub(super) fn new(
         run: &'a RunDir,
         stop: &'a Stop,

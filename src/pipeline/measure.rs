@@ -1,4 +1,4 @@
-//! A trained model measured at the test views of its scene, and what is written of it.
+//! This module measures a trained model at the test views of its scene and writes what it finds.
 
 use super::align::{self, Aligned};
 use crate::camera::Frame;
@@ -27,7 +27,7 @@ pub(super) struct Seen<'a> {
 pub(super) struct Clouds<'a> {
     /// As the scene has it. The pixels that it covers are those of every run on the scene.
     pub whole: &'a PointCloud,
-    /// What the run made of it before training.
+    /// The cloud as the run used it, carved if its config asks for that.
     pub used: &'a PointCloud,
 }
 
@@ -116,7 +116,7 @@ pub(super) fn measure(device: (&Gpu, &Kernels), subject: Subject<'_>) -> Result<
     Ok(evaluation)
 }
 
-/// What an evaluation of `run` with `options` is an evaluation of, but for the image size.
+/// Returns what an evaluation of `run` with `options` measures and how, but for the image size.
 pub(super) fn measured(
     run: &RunDir,
     options: &EvalOptions,

@@ -1,4 +1,4 @@
-//! What a run will need, told before it trains.
+//! This module predicts what a run will need before it trains.
 
 use super::Prepared;
 use crate::cloud::{splat, visibility};
@@ -17,7 +17,8 @@ pub struct Forecast {
     pub gpu: TrainingBytes,
     /// The same once the set has grown as far as it may; `None` where nothing grows.
     pub gpu_at_most: Option<TrainingBytes>,
-    /// What the process holds at most from beginning to end, bytes by part; no less than it has held so far.
+    /// What the process holds at most from beginning to end, bytes by part; no less than it has
+    /// held so far.
     pub host: Vec<(&'static str, u64)>,
 }
 
@@ -58,7 +59,7 @@ impl Forecast {
         }
     }
 
-    /// The tables, in Markdown.
+    /// Returns the tables in Markdown.
     pub fn tables(&self) -> String {
         let mut text = format!(
             "{}\nRoom for pairs, {} bytes each, grows to half as many again as a view turns out to have.\n\n{}",
@@ -88,8 +89,8 @@ fn cloud_bytes(cloud: &PointCloud) -> u64 {
     (size_of_val(&cloud.positions[..]) + size_of_val(&cloud.colors[..]) + confidence) as u64
 }
 
-/// What preparation needs beside the cloud itself while it splats it, which is more than loading does: a
-/// PLY's own bytes are gone by then.
+/// Returns the bytes that preparation needs beside the cloud itself while it splats it, which is
+/// more than loading does: a PLY's own bytes are gone by then.
 fn splatting_bytes(scene: &Scene, config: &Config) -> u64 {
     let is_weighed = config.views.visibility.mask_angle_deg.is_some() && config.views.count > 0;
     let visibility = match is_weighed {

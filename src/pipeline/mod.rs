@@ -1,4 +1,4 @@
-//! The stages in a row, as the commands call them.
+//! The stages run in a row here, as the commands call them.
 
 mod align;
 mod depth;
@@ -38,14 +38,14 @@ use crate::error::Result;
 use crate::field::Focus;
 use crate::scene::{self, LoadOptions, Scene, SceneSource, View};
 
-/// What `render` renders.
+/// A request to `render`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderJob {
     /// A Gaussian PLY file.
     pub model: PathBuf,
     /// The scene or camera file whose cameras are rendered.
     pub cameras: CameraSource,
-    /// The views to render; None: a scene's test views, or every camera of a file.
+    /// The views to render; `None`: a scene's test views, or every camera of a file.
     pub views: Option<ViewSelection>,
     /// Folder for the images; created if it is not there.
     pub out: PathBuf,
@@ -57,7 +57,7 @@ pub struct RenderJob {
     pub alpha: bool,
 }
 
-/// What `render` takes its cameras from.
+/// A source of cameras for `render`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraSource {
     /// A scene as `--scene` takes it: it has training, test and virtual views.
@@ -98,7 +98,7 @@ pub fn load_scene(source: &SceneSource, options: &LoadOptions) -> Result<Scene> 
     }
 }
 
-/// Focus and frame of a scene's training cameras.
+/// Finds focus and frame of a scene's training cameras.
 ///
 /// # Errors
 /// A camera layout without a sphere.
@@ -134,7 +134,7 @@ impl Clock {
         }
     }
 
-    /// Seconds since the last lap.
+    /// Returns the seconds since the last lap.
     pub fn lap(&mut self) -> f64 {
         let now = Instant::now();
         let lap = now.duration_since(self.last).as_secs_f64();
@@ -142,7 +142,7 @@ impl Clock {
         lap
     }
 
-    /// Seconds since the start.
+    /// Returns the seconds since the start.
     pub fn total(&self) -> f64 {
         self.start.elapsed().as_secs_f64()
     }

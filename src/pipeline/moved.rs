@@ -1,4 +1,4 @@
-//! Whether the scene in another folder is the one that a run was trained on.
+//! This module tells whether the scene in another folder is the one that a run was trained on.
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
@@ -19,13 +19,13 @@ const LENS: f64 = 1e-5;
 
 /// Rows and columns of a photograph's thumbnail.
 const CELLS: usize = 8;
-/// A cell may differ by so many levels of 255: other systems round otherwise, and so do photographs that are
-/// saved in another format.
+/// A cell may differ by so many levels of 255: other systems round otherwise, and so do photographs
+/// that are saved in another format.
 const LEVELS: u8 = 2;
 
 /// Holds the scene against what the run wrote of its own: the views' names were looked up when it
-/// was loaded; here their sizes, lenses, poses and [`thumbnail`]s, and the cloud. Poses that the run
-/// refined are not compared. Photographs may be other files of the same content.
+/// was loaded; here their sizes, lenses, poses and [`thumbnail`]s, and the cloud. Poses that the
+/// run refined are not compared. Photographs may be other files of the same content.
 ///
 /// # Errors
 /// The first difference, by name.
@@ -88,8 +88,8 @@ pub(super) fn check_same(run: &RunDir, metrics: &Metrics, scene: &Scene) -> Resu
     Ok(())
 }
 
-/// What a photograph shows, in Base64: of 8x8 cells, in rows, the mean red, green and blue and the share that
-/// its mask has, 255 for all or for none at all.
+/// Returns what a photograph shows, in Base64: for each of 8x8 cells, row by row, the mean red,
+/// green and blue and the share that its mask sets, 255 for all or for no mask at all.
 pub(super) fn thumbnail(view: &View) -> String {
     let (width, height) = (view.image.width as usize, view.image.height as usize);
     let mut sums = [[0_u64; 5]; CELLS * CELLS];
@@ -107,7 +107,7 @@ pub(super) fn thumbnail(view: &View) -> String {
     BASE64_STANDARD.encode(sums.map(mean).as_flattened())
 }
 
-/// Whether two thumbnails are the same but for rounding.
+/// Returns whether two thumbnails are the same but for rounding.
 fn alike(a: &str, b: &str) -> bool {
     let [a, b] = [a, b].map(|text| BASE64_STANDARD.decode(text).unwrap_or_default());
     a.len() == b.len() && a.iter().zip(&b).all(|(a, b)| a.abs_diff(*b) <= LEVELS)

@@ -1,12 +1,12 @@
-//! A full turn around the focus.
+//! This module places cameras on a full turn around the focus.
 
 use crate::camera::Camera;
 use crate::camera::compass::Compass;
 use crate::error::{Error, Result};
 use crate::field::Focus;
 
-/// `n` cameras at equal angles that look at the focus, from the first of `cameras` to the right,
-/// with its intrinsics: at their median distance and mean elevation.
+/// Places `n` cameras at equal angles that look at the focus, from the first of `cameras` to the
+/// right, with its intrinsics: at their median distance and mean elevation.
 ///
 /// # Errors
 /// No camera.

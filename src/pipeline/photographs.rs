@@ -1,4 +1,4 @@
-//! From photographs to a scene folder, by the network that finds depth and cameras.
+//! This module turns photographs into a scene folder, by the network that finds depth and cameras.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ const MANY_VIEWS: usize = 18;
 /// Diagonal of 35 mm film, mm.
 const FILM_DIAGONAL: f64 = 43.266_615;
 
-/// How the network is asked, and what becomes of its answer.
+/// Options of the network, and of what is made from its answer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PriorOptions {
     /// File of weights.
@@ -52,8 +52,8 @@ impl Default for PriorOptions {
     }
 }
 
-/// A scene of the photographs that are named, in that order, or of those in a folder: cameras, a
-/// cloud, and the photographs as they are, in the folder `out`.
+/// Makes a scene of the photographs that are named, in that order, or of those in a folder:
+/// cameras, a cloud, and the photographs as they are, in the folder `out`.
 ///
 /// # Errors
 /// Photographs or weights that cannot be used, an `out` that holds something, or no room for it.
@@ -136,8 +136,8 @@ pub fn scene_of_photographs(paths: &[PathBuf], options: &PriorOptions, out: &Pat
     Ok(())
 }
 
-/// A dense cloud for the training views of a scene whose cameras are known, in its frame, as the
-/// file `out`.
+/// Makes a dense cloud for the training views of a scene whose cameras are known, in its frame, as
+/// the file `out`.
 ///
 /// # Errors
 /// As [`scene_of_photographs`], and what keeps the scene from being loaded.
@@ -196,7 +196,7 @@ pub fn cloud_of_scene(
     Ok(())
 }
 
-/// The file of weights, which is there, and the model in it.
+/// Returns the file of weights, once it is known to be there, and the model in it.
 fn weights(options: &PriorOptions) -> Result<(&Path, Model)> {
     let path = options.weights.as_deref().ok_or_else(|| {
         Error::usage("no weights are given")
@@ -257,7 +257,7 @@ fn map(images: &Images, prediction: &Prediction, view: usize, camera: Camera) ->
     }
 }
 
-/// Views that agree better, where they can be made to.
+/// Returns the views adjusted so that they agree better, or as they were.
 fn adjusted(maps: Vec<DepthMap>) -> Vec<DepthMap> {
     if maps.len() < 2 {
         return maps;
@@ -285,7 +285,7 @@ fn adjusted(maps: Vec<DepthMap>) -> Vec<DepthMap> {
     adjusted.maps
 }
 
-/// The cloud, thinned, with the view of each point.
+/// Makes the cloud and thins it; returns it with the view of each point.
 fn cloud_of(maps: &[DepthMap], options: &PriorOptions) -> Result<(PointCloud, Vec<u32>)> {
     let made = dense::cloud(
         maps,
@@ -313,7 +313,7 @@ fn cloud_of(maps: &[DepthMap], options: &PriorOptions) -> Result<(PointCloud, Ve
     ))
 }
 
-/// [`thin`] of a cloud whose points know their view.
+/// Does what [`thin`] does for a cloud whose points know their view.
 fn thin_with_views(points: &PointCloud, views: &[u32], n: usize) -> (PointCloud, Vec<u32>) {
     // Which points are left is told by what stands in place of their confidence: their number.
     let numbered = PointCloud {

@@ -1,5 +1,5 @@
-//! Everything between the scene and the first iteration: focus, field, carving, virtual views,
-//! their point splats, and the Gaussians to start from.
+//! This module does everything between the scene and the first iteration: focus, field, carving,
+//! virtual views, their point splats, and the Gaussians to start from.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -31,19 +31,19 @@ const EXTENT: f64 = 1.1;
 /// cameras which stand all around the sphere.
 const MIN_SPREAD: f64 = 1e-6;
 
-/// What training starts from.
+/// All that training starts from.
 pub struct Prepared {
     /// From the scene's own frame to the canonical one.
     pub frame: Frame,
     /// The cloud that all of this is made from, where it is not the scene's own.
     pub carved: Option<Carved>,
-    /// World frame.
+    /// The virtual cameras, world frame.
     pub virtual_cameras: Vec<Camera>,
-    /// Canonical frame.
+    /// All that the optimiser learns from, canonical frame.
     pub supervision: Supervision,
-    /// Canonical frame.
+    /// The first Gaussians, canonical frame.
     pub start: Gaussians,
-    /// For the log.
+    /// Lines for the log.
     pub warnings: Vec<String>,
 }
 
@@ -133,8 +133,9 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     })
 }
 
-/// Number of points that training on `scene` starts from: `scene.max_points`, else one for
-/// `scene.pixels_a_point` training pixels, at least one, and no more than the cloud has before carving.
+/// Returns the number of points that training on `scene` starts from: `scene.max_points`, else one
+/// for `scene.pixels_a_point` training pixels, at least one, and no more than the cloud has before
+/// carving.
 pub fn n_start(scene: &Scene, config: &Config) -> usize {
     let n_pixels: usize = scene.train.iter().map(|view| n_pixels(&view.image)).sum();
     let by_pixels = || ((n_pixels as f64 / config.scene.pixels_a_point) as usize).max(1);
@@ -142,12 +143,12 @@ pub fn n_start(scene: &Scene, config: &Config) -> usize {
     wanted.min(scene.cloud.len())
 }
 
-/// Whether the subject stands before the background colour: then nothing lies beyond it.
+/// Returns whether the subject stands before the background colour: then nothing lies beyond it.
 fn is_cut_out(scene: &Scene) -> bool {
     scene.train.iter().any(View::is_cut_out)
 }
 
-/// The scene's cloud after carving, where `config` asks for it.
+/// Carves the scene's cloud if `config` asks for it.
 pub(super) fn carved(scene: &Scene, frame: &Frame, config: &Config) -> Result<Option<Carved>> {
     let near = frame.near(config.model.near);
     config
@@ -157,7 +158,8 @@ pub(super) fn carved(scene: &Scene, frame: &Frame, config: &Config) -> Result<Op
         .transpose()
 }
 
-/// The virtual views; weighed by what they show of `cloud` where `config` asks for it.
+/// Chooses the virtual views; they are weighed by what they show of `cloud` where `config` asks for
+/// it.
 pub(super) fn choose_views(
     train: &[Camera],
     (focus, field): (&Focus, &Field),
@@ -180,9 +182,9 @@ pub(super) fn choose_views(
     virtual_views(train, focus, field, shares.as_deref(), config)
 }
 
-/// The cloud in the virtual views as their goals, as far as the training cameras see it where
-/// `config` asks for that; portion by portion to show how far it is, and packed so that never more
-/// than a portion is held as it is.
+/// Splats the cloud into the virtual views as their target images, as far as the training cameras
+/// see it if `config` asks for that. It goes portion by portion to show how far it is, and packs so
+/// that never more than a portion is held as it is.
 fn splatted(
     cloud: &PointCloud,
     frame: &Frame,
@@ -215,7 +217,7 @@ fn splatted(
     Ok(goals)
 }
 
-/// The views that the optimiser learns from, in the canonical frame.
+/// Gathers the views that the optimiser learns from, in the canonical frame.
 fn supervision(
     scene: &Scene,
     (frame, spread): (&Frame, f64),
@@ -241,8 +243,8 @@ fn supervision(
     }
 }
 
-/// What the virtual views are compared with: the splats, with alpha 255 times the weight of a pixel
-/// as [`TrainingView`] wants it. At a `fill_weight` above 0 their holes are filled.
+/// Makes the target images of the virtual views: the splats, with alpha 255 times the weight of a
+/// pixel as [`TrainingView`] wants it. At a `fill_weight` above 0 their holes are filled.
 fn virtual_goals(splats: Vec<SplatImage>, fill_weight: f64) -> Vec<Goal> {
     let weight = (255.0 * fill_weight).round() as u8;
     let goal = |splat: SplatImage| {
@@ -255,7 +257,7 @@ fn virtual_goals(splats: Vec<SplatImage>, fill_weight: f64) -> Vec<Goal> {
     splats.into_par_iter().map(goal).collect()
 }
 
-/// Mean over all pixels that count, RGB in [0, 1].
+/// Returns the mean over all pixels that count, RGB in [0, 1].
 fn mean_color(views: &[View]) -> DVec3 {
     let mut sum = [0_u64; 3];
     let mut n = 0_u64;
@@ -269,7 +271,7 @@ fn mean_color(views: &[View]) -> DVec3 {
     DVec3::from_array(sum.map(|s| s as f64 / n.max(1) as f64))
 }
 
-/// Greatest distance of a camera from their mean, in `R`.
+/// Returns the greatest distance of a camera from their mean, in `R`.
 fn spread(cameras: &[Camera], frame: &Frame) -> f64 {
     let center = |camera: &Camera| frame.camera_to_canonical(camera).center();
     let centers: Vec<DVec3> = cameras.iter().map(center).collect();

@@ -1,4 +1,4 @@
-//! Taking the time of a sample of a run's iterations.
+//! This module takes the time of a sample of a run's iterations.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -13,7 +13,7 @@ const INTERVAL: u32 = 50;
 /// Times the first iteration, in which drivers still compile, as a whole, and by kernel every
 /// [`INTERVAL`]-th and the last one.
 pub(super) struct Sampler {
-    /// None where the adapter has no timestamps.
+    /// `None` if the adapter has no timestamps.
     profile: Option<Profile>,
     begin: Instant,
     /// Iterations that were done before.
@@ -25,7 +25,7 @@ pub(super) struct Sampler {
 }
 
 impl Sampler {
-    /// Samples a run of `iterations` iterations that begins after `before` of them, now.
+    /// Starts to sample a run of `iterations` iterations that begins after `before` of them, now.
     pub(super) fn new(gpu: &Gpu, before: u32, iterations: u32) -> Sampler {
         Sampler {
             profile: Profile::new(gpu),
@@ -68,12 +68,12 @@ impl Sampler {
         Ok(())
     }
 
-    /// Wall-clock seconds of the first iteration.
+    /// Returns the wall-clock seconds of the first iteration.
     pub(super) fn first_s(&self) -> Option<f64> {
         self.first_s
     }
 
-    /// What was measured, where all iterations took `train_s`.
+    /// Returns what was measured; all iterations together took `train_s`.
     pub(super) fn finish(&self, train_s: f64) -> StepProfile {
         let iterations = self.iterations - self.before;
         let wall_s = train_s / f64::from(iterations.max(1));

@@ -1,4 +1,4 @@
-//! Renders a model from a scene's or a file's cameras.
+//! This module renders a model from a scene's or a file's cameras.
 
 use std::path::{Path, PathBuf};
 
@@ -100,7 +100,7 @@ fn write_image(job: &RenderJob, png: &Path, image: &Rendered) -> Result<()> {
     Ok(())
 }
 
-/// `views/a_alpha.png` for `views/a.png`.
+/// Returns `views/a_alpha.png` for `views/a.png`.
 fn beside(png: &Path, ending: &str) -> PathBuf {
     let stem = png.file_stem().unwrap_or_default();
     let mut name = stem.to_owned();
@@ -108,7 +108,7 @@ fn beside(png: &Path, ending: &str) -> PathBuf {
     png.with_file_name(name)
 }
 
-/// The cameras to render from, and the frame that sets the near plane.
+/// Chooses the cameras to render from, and the frame that sets the near plane.
 fn choose(job: &RenderJob, config: &Config) -> Result<(Vec<Camera>, Frame)> {
     match &job.cameras {
         CameraSource::Scene(source) => {
@@ -175,8 +175,8 @@ fn named(names: &[String], cameras: &[Camera]) -> Result<Vec<Camera>> {
         .collect()
 }
 
-/// The frame of the run whose `cameras.json` it is, so that near planes are where its evaluation has
-/// them; `None` where the file is no run's, or its training cameras span none.
+/// Finds the frame of the run whose `cameras.json` it is, so that near planes are where its
+/// evaluation has them; `None` where the file is no run's, or its training cameras span none.
 fn frame_of_run(path: &Path, all: &[Camera]) -> Option<Frame> {
     let run = RunDir::open(path.parent()?).ok()?;
     if run.cameras().file_name() != path.file_name() {
@@ -187,7 +187,7 @@ fn frame_of_run(path: &Path, all: &[Camera]) -> Option<Frame> {
     Some(focus.frame())
 }
 
-/// A frame about cameras alone: their mean, and the greatest distance from it.
+/// Returns a frame about cameras alone: their mean, and the greatest distance from it.
 fn around(cameras: &[Camera]) -> Frame {
     let n = cameras.len().max(1) as f64;
     let center = cameras

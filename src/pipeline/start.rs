@@ -1,4 +1,4 @@
-//! A training run from the command on: started anew, or gone on with.
+//! This module leads a training run from the command on: it is started anew, or gone on with.
 
 use std::path::Path;
 
@@ -73,7 +73,7 @@ impl TrainJob {
     }
 }
 
-/// How a run is gone on with.
+/// Options for going on with a run.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GoOn {
     /// Iterations between two checkpoints, in place of what the run was started with.
@@ -82,11 +82,11 @@ pub struct GoOn {
     pub profile: bool,
 }
 
-/// What [`TrainJob::resume`] did.
+/// The outcome of [`TrainJob::resume`].
 pub struct Resumed {
     /// The run, still locked for this process.
     pub run: RunDir,
-    /// None where the run was finished already.
+    /// Errors at the test views; `None` if the run was finished already.
     pub evaluation: Option<Evaluation>,
 }
 
@@ -96,7 +96,8 @@ fn open_gpu() -> Result<Gpu> {
     Ok(gpu)
 }
 
-/// Training pixels for each point beyond which a cloud fills no view, as one of structure from motion.
+/// Training pixels for each point beyond which a cloud fills no view, as one of structure from
+/// motion.
 const SPARSE_PX: usize = 100;
 
 fn is_sparse(scene: &Scene) -> bool {

@@ -1,4 +1,4 @@
-//! Training a scene: the stages in a row, timed, into a run directory.
+//! This module trains a scene: the stages run in a row, timed, into a run directory.
 
 use std::time::Instant;
 
@@ -37,8 +37,8 @@ pub struct SoFar {
 }
 
 /// Trains on `scene`, which is `job`'s, evaluates at its test views as `options` say and writes all
-/// into `run`. Goes on from the run's newest checkpoint if there is one, and once more from there if
-/// the device is lost on the way.
+/// into `run`. Goes on from the run's newest checkpoint if there is one, and once more from there
+/// if the device is lost on the way.
 pub fn train(
     gpu: &Gpu,
     scene: &Scene,
@@ -53,7 +53,8 @@ pub fn train(
         mut seconds,
     } = so_far;
     options.check(&scene.test)?;
-    // The stamp is that of the files as they are now: a mask drawn while training runs was not loaded.
+    // The stamp is that of the files as they are now: a mask drawn while training runs was not
+    // loaded.
     let stamp = job.source.stamp(job.cloud.as_ref());
     run.write_job(&JobRecord {
         scene: record(scene, job),
@@ -135,7 +136,7 @@ struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// The cloud, as carved.
+    /// Returns the cloud, as carved.
     fn cloud(&self) -> &PointCloud {
         let carved = self.prepared.carved.as_ref();
         carved.map_or(&self.scene.cloud, |c| &c.cloud)
@@ -254,7 +255,7 @@ impl Task<'_> {
         Ok(changes)
     }
 
-    /// All iterations that are left; adds the parts' times to `seconds`.
+    /// Runs all iterations that are left and adds the parts' times to `seconds`.
     fn train(
         &self,
         gpu: &Gpu,
@@ -321,7 +322,8 @@ impl Task<'_> {
     }
 }
 
-/// Training, test and virtual cameras; a test view that is a training view once.
+/// Returns training, test and virtual cameras; a test view that is also a training view is there
+/// once.
 fn all_cameras(scene: &Scene, train: Vec<Camera>, virtual_cameras: &[Camera]) -> Vec<Camera> {
     let is_new = |camera: &Camera| train.iter().all(|other| other.name != camera.name);
     let mut test = cameras(&scene.test);
@@ -329,7 +331,7 @@ fn all_cameras(scene: &Scene, train: Vec<Camera>, virtual_cameras: &[Camera]) ->
     [&train, &test, virtual_cameras].concat()
 }
 
-/// How many of `n_points` each round took.
+/// Logs how many of `n_points` each round took.
 fn log_carving(removed: &[usize], n_points: usize) {
     let rounds: Vec<String> = removed.iter().map(usize::to_string).collect();
     log::info!(
@@ -344,7 +346,7 @@ fn log_carving(removed: &[usize], n_points: usize) {
     );
 }
 
-/// The config with its cap on Gaussians lowered to what the adapter can bind.
+/// Returns the config with its cap on Gaussians lowered to what the adapter can bind.
 ///
 /// # Errors
 /// The start itself does not fit.

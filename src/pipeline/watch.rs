@@ -1,4 +1,4 @@
-//! What is done beside training while it goes on: progress, checkpoints, the curve.
+//! This module does what goes on beside training: progress, checkpoints, the curve.
 
 use std::time::Instant;
 
@@ -23,7 +23,7 @@ pub(super) struct Watch<'a> {
     pub(super) progress: Progress,
     pub(super) curve: Option<Curve<'a>>,
     pub(super) keeper: Keeper<'a>,
-    /// What samples a profiled run; None in others.
+    /// The sampler of a profiled run; `None` in others.
     pub(super) sampler: Option<Sampler>,
     /// Training and curve before `clock`.
     pub(super) before_s: f64,
@@ -32,7 +32,7 @@ pub(super) struct Watch<'a> {
 }
 
 impl Watch<'_> {
-    /// Seconds of training alone so far.
+    /// Returns the seconds of training alone so far.
     pub(super) fn train_s(&self) -> f64 {
         self.before_s + self.clock.elapsed().as_secs_f64() - self.log.curve_s
     }
@@ -50,7 +50,7 @@ pub(super) struct Curve<'a> {
     pub(super) options: EvalOptions,
 }
 
-/// An evaluation as a point of the curve.
+/// Returns an evaluation as a point of the curve.
 pub(super) fn curve_point(iteration: u32, evaluation: &Evaluation) -> CurvePoint {
     CurvePoint {
         iteration,
