@@ -1,10 +1,10 @@
-//! Cloud and training views as a table.
+//! This module writes the agreement of cloud and training views as a table.
 
 use crate::cloud::agreement::{Agreement, Colors};
 use crate::terminal::Table;
 
-/// Which share of the cloud each training view sees and how far its colours are the photograph's, in
-/// Markdown.
+/// Returns in Markdown which share of the cloud each training view sees and how far its colours are
+/// the photograph's.
 pub fn agreement_table(agreement: &Agreement) -> String {
     let mut table = Table::new(&[
         "training view",

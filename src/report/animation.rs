@@ -1,4 +1,4 @@
-//! Animated PNGs; browsers show them as they show any PNG.
+//! This module writes animated PNGs; browsers show them as they show any PNG.
 
 use std::path::Path;
 

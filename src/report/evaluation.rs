@@ -1,11 +1,11 @@
-//! One run's errors, view by view.
+//! This module writes one run's errors, view by view.
 
 use crate::metrics::lpips::WEIGHTS_RECIPE;
 use crate::metrics::{CoveredScore, Renders};
 use crate::run::{Evaluation, Measured};
 use crate::terminal::table::{Table, escaped, figure};
 
-/// A run's errors per test view and, in the last row, in the mean.
+/// Returns a run's errors for each test view and, in the last row, their mean.
 pub fn view_table(evaluation: &Evaluation) -> Table {
     let measured = evaluation.measured.as_ref();
     let lpips = measured.and_then(|measured| measured.lpips.as_ref());
@@ -44,7 +44,7 @@ pub fn view_table(evaluation: &Evaluation) -> Table {
     table
 }
 
-/// A run's errors, its size and training time, in Markdown.
+/// Returns a run's errors, its size and training time, in Markdown.
 pub fn evaluation_table(run: &str, evaluation: &Evaluation) -> String {
     let table = view_table(evaluation);
     let mut out = format!(
@@ -87,7 +87,7 @@ pub(super) const MASKED: &str = "Masked: PSNR of the mask's pixels, SSIM's map a
 pub(super) const COVERED: &str = "Covered: PSNR of the pixels on which the bare splat of the \
      scene's whole cloud puts a point, the same pixels for every run, and their share";
 
-/// How figures were measured.
+/// Says how figures were measured.
 pub(super) fn how(measured: &Measured) -> String {
     let renders = match measured.renders {
         Renders::Rounded => "Renders are rounded to 8 bit",
@@ -96,7 +96,7 @@ pub(super) fn how(measured: &Measured) -> String {
     format!("{renders}. Test cameras: {}.", measured.pose_protocol)
 }
 
-/// How a user comes by LPIPS where it was left out.
+/// Says how a user comes by LPIPS if it was left out.
 pub(super) fn lpips_hint() -> String {
     format!(
         "LPIPS is n/a: --lpips-weights FILE measures it; make the file once: `{WEIGHTS_RECIPE}`"

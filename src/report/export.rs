@@ -1,4 +1,5 @@
-//! Evaluated runs for programs: JSON and CSV, every value with its unit in its name.
+//! This module writes evaluated runs for programs: JSON and CSV, every value with its unit in its
+//! name.
 
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -125,7 +126,7 @@ impl<'a> RunRecord<'a> {
     }
 }
 
-/// A line a run, under a header.
+/// Writes a line a run, under a header.
 pub fn runs_csv(runs: &[ComparedRun]) -> Result<Vec<u8>> {
     let failed = |e: String| Error::new(format!("cannot write as CSV: {e}"));
     let mut out = csv::Writer::from_writer(Vec::new());
@@ -136,8 +137,8 @@ pub fn runs_csv(runs: &[ComparedRun]) -> Result<Vec<u8>> {
     out.into_inner().map_err(|e| failed(e.to_string()))
 }
 
-/// `{"runs": [...]}`: the fields of the CSV, the names of the training views and the errors at
-/// every test view. JSON has no infinity: an infinite PSNR is null.
+/// Writes `{"runs": [...]}`: the fields of the CSV, the names of the training views and the errors
+/// at every test view. JSON has no infinity: an infinite PSNR is null.
 pub fn runs_json(runs: &[ComparedRun]) -> Result<Vec<u8>> {
     let failed = |e: serde_json::Error| Error::new(format!("cannot write as JSON: {e}"));
     let mut objects = Vec::with_capacity(runs.len());

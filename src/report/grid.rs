@@ -1,4 +1,4 @@
-//! Renders of several methods side by side, with what they disagree on enlarged.
+//! A grid shows renders of several methods side by side, with what they disagree on enlarged.
 
 use image::imageops::{FilterType, resize};
 use image::{ImageBuffer, Rgb};
@@ -49,7 +49,7 @@ pub struct GridRow {
     pub renders: Vec<(Image, String)>,
 }
 
-/// The window of a quarter of the sides in which the renders' mean squared errors against the
+/// Finds the window of a quarter of the sides in which the renders' mean squared errors against the
 /// photograph have the largest variance; the first of equals, row by row.
 ///
 /// # Errors
@@ -110,8 +110,8 @@ pub fn most_contested(truth: &Image, renders: &[&Image]) -> Result<Window> {
     })
 }
 
-/// One column for the photographs and one for each of `methods`, one row a view: the pictures with
-/// a box where the methods differ most, and what is in it enlarged beneath.
+/// Draws a grid with one column for the photographs and one for each of `methods`, one row a view:
+/// the pictures with a box where the methods differ most, and what is in it enlarged beneath.
 ///
 /// # Errors
 /// No row, a row without a render for every method, renders that are not of their photograph's
@@ -192,7 +192,7 @@ pub fn method_grid(methods: &[String], rows: &[GridRow]) -> Result<Image> {
     Ok(page)
 }
 
-/// Width and height that a picture is shown at.
+/// Returns the width and height that a picture is shown at.
 fn cell_size(picture: &Image) -> Result<(u32, u32)> {
     let longer = picture.width.max(picture.height);
     if picture.width.min(picture.height) == 0 {
@@ -239,7 +239,7 @@ fn paste(
     Ok(())
 }
 
-/// A box just inside a rectangle, its rim outside of the line and inside.
+/// Draws a box just inside a rectangle, its rim outside of the line and inside.
 fn frame(page: &mut Image, (x, y): (u32, u32), (width, height): (u32, u32)) {
     let mut outline = |inset: u32, line: u32, color: [u8; 3]| {
         let size = (

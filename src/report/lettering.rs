@@ -1,4 +1,4 @@
-//! Plain text on pictures, in letters of five by nine pixels.
+//! This module writes plain text on pictures, in letters of five by nine pixels.
 
 use crate::scene::Image;
 
@@ -14,12 +14,12 @@ pub(crate) const LINE_HEIGHT: u32 = 9;
 /// From a letter to the next, pixels at scale 1.
 const ADVANCE: u32 = 6;
 
-/// Width of a line, pixels.
+/// Returns the width of a line, pixels.
 pub(crate) fn text_width(text: &str, scale: u32) -> u32 {
     ADVANCE * scale * text.chars().count() as u32
 }
 
-/// The line, with `..` for what does not fit into `width` pixels.
+/// Returns the line, with `..` for what does not fit into `width` pixels.
 pub(crate) fn shortened(text: &str, width: u32, scale: u32) -> String {
     let room = (width / (ADVANCE * scale)) as usize;
     if text.chars().count() <= room {
@@ -61,7 +61,7 @@ pub(crate) fn fill(
     }
 }
 
-/// Columns and rows of a letter's pixels.
+/// Visits columns and rows of a letter's inked pixels.
 fn ink(letter: char) -> impl Iterator<Item = (u32, u32)> {
     let code = match letter {
         ' '..='~' => letter as u32,

@@ -1,9 +1,9 @@
-//! What a run will need, by part.
+//! This module writes what a run will need, by part.
 
 use crate::terminal::table::Table;
 use crate::train::TrainingBytes;
 
-/// GPU buffers of training, in Markdown.
+/// Returns the GPU buffers of training as a table.
 pub fn gpu_memory_table(bytes: &TrainingBytes) -> Table {
     let TrainingBytes {
         n_gaussians,
@@ -51,7 +51,7 @@ pub fn gpu_memory_table(bytes: &TrainingBytes) -> Table {
     table
 }
 
-/// What the process holds from beginning to end, in Markdown.
+/// Returns as a table what the process holds from beginning to end.
 pub fn host_memory_table(parts: &[(&str, u64)]) -> Table {
     let mut table = Table::new(&["host memory", "MiB"]);
     for (what, bytes) in parts {

@@ -1,4 +1,4 @@
-//! What a run shows: image files, contact sheets, tables, plots and its page.
+//! This module shows what a run did: image files, contact sheets, tables, plots and its page.
 
 mod agreement;
 mod animation;
@@ -96,7 +96,7 @@ pub fn write_exr(path: &Path, width: u32, height: u32, rgb: &[f32]) -> Result<()
     write_file(path, &bytes.into_inner())
 }
 
-/// The encoders panic on a buffer of another size.
+/// Refuses a buffer of another size, on which the encoders panic.
 fn check_len(path: &Path, width: u32, height: u32, n: usize) -> Result<()> {
     if u64::from(width) * u64::from(height) * 3 == n as u64 && n > 0 {
         return Ok(());

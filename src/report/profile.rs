@@ -1,9 +1,9 @@
-//! Tables of where a run's time went.
+//! This module writes tables of where a run's time went.
 
 use crate::run::{RunProfile, Seconds, StepProfile};
 use crate::terminal::table::{Table, figure};
 
-/// Both tables of a run's profile, in Markdown.
+/// Returns both tables of a run's profile, in Markdown.
 pub fn profile_tables(profile: &RunProfile) -> String {
     let step = &profile.step;
     let kernels = if step.kernels.is_empty() {
@@ -24,7 +24,7 @@ pub fn profile_tables(profile: &RunProfile) -> String {
     )
 }
 
-/// An iteration by kernel.
+/// Returns an iteration's time by kernel as a table.
 pub fn kernel_table(step: &StepProfile) -> Table {
     let mut table = Table::new(&["kernel", "ms a step", "share", "dispatches"]);
     let total = step.kernel_s();

@@ -1,4 +1,4 @@
-//! Contact sheets: many pictures on one page of bounded size.
+//! A contact sheet shows many pictures on one page of bounded size.
 
 use image::imageops::{FilterType, resize};
 use image::{ImageBuffer, Rgb};
@@ -47,7 +47,7 @@ impl Layout {
         self.rows * (self.cell_height + GROUP_GUTTER) + GROUP_GUTTER
     }
 
-    /// The grid of `n_groups` that shows pictures of `width x height` largest.
+    /// Finds the grid of `n_groups` that shows pictures of `width x height` largest.
     fn new(n_groups: u32, group_len: u32, width: u32, height: u32) -> Option<Layout> {
         let fits = |columns: u32| {
             let rows = n_groups.div_ceil(columns);
@@ -76,7 +76,8 @@ impl Layout {
 }
 
 impl ContactSheet {
-    /// A sheet for `n_groups` groups of `group_len` pictures of about `width x height` pixels.
+    /// Starts a sheet for `n_groups` groups of `group_len` pictures of about `width x height`
+    /// pixels.
     pub fn new(n_groups: usize, group_len: usize, width: u32, height: u32) -> Result<ContactSheet> {
         // Beyond these a cell would be less than a pixel; they also keep the products in u32.
         let bounded = (1..=100_000).contains(&n_groups)
@@ -139,13 +140,14 @@ impl ContactSheet {
         Ok(())
     }
 
-    /// The page; places that were never filled stay grey.
+    /// Returns the page; places that were never filled stay grey.
     pub fn finish(self) -> Image {
         self.page
     }
 }
 
-/// The picture scaled down to fit, its shape kept; a triangle filter as wide as the reduction.
+/// Scales the picture down to fit and keeps its shape, by a triangle filter as wide as the
+/// reduction.
 pub(super) fn shrunk(
     picture: &Image,
     width: u32,
@@ -175,7 +177,7 @@ pub(super) fn shrunk(
     ))
 }
 
-/// A mask (`height * width`) as a picture: grey from black, 0, to white, 255.
+/// Draws a mask (`height * width`) as a picture: grey from black, 0, to white, 255.
 pub fn mask_image(width: u32, height: u32, mask: &[u8]) -> Image {
     Image {
         width,

@@ -1,18 +1,18 @@
-//! Means, spreads and rank correlation.
+//! This module has means, spreads and rank correlation.
 
 use serde::Serialize;
 
-/// What several runs measured.
+/// Mean and spread of what several runs measured.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Figure {
     /// Arithmetic mean.
     pub mean: f64,
-    /// Sample standard deviation; none of a single value.
+    /// Sample standard deviation; `None` for a single value.
     pub deviation: Option<f64>,
 }
 
 impl Figure {
-    /// Mean and deviation of values that are all there, at least one.
+    /// Returns mean and deviation; `None` if a value is missing or there is none.
     pub fn of(values: impl Iterator<Item = Option<f64>>) -> Option<Figure> {
         let values = values.collect::<Option<Vec<f64>>>()?;
         let n = values.len() as f64;
@@ -25,7 +25,7 @@ impl Figure {
         })
     }
 
-    /// What no chance decides.
+    /// Returns a figure without a deviation, for what no chance decides.
     pub fn exact(value: f64) -> Figure {
         Figure {
             mean: value,
@@ -33,17 +33,18 @@ impl Figure {
         }
     }
 
-    /// Whether the difference of the means is no larger than the standard deviation of the
-    /// difference between two single runs, `sqrt(s_a^2 + s_b^2)`; `None` where a deviation is
-    /// not known.
+    /// Returns whether the difference of the means is no larger than the standard deviation of the
+    /// difference between two single runs, `sqrt(s_a^2 + s_b^2)`; `None` where a deviation is not
+    /// known.
     pub fn is_within_noise_of(&self, other: &Figure) -> Option<bool> {
         let noise = self.deviation?.hypot(other.deviation?);
         Some((self.mean - other.mean).abs() <= noise)
     }
 }
 
-/// Spearman's rank correlation, -1 to 1: Pearson's of the ranks, equal values sharing the mean of
-/// theirs. `None` where there is no order: fewer than two pairs, all of one value, or a NaN.
+/// Returns Spearman's rank correlation, -1 to 1: Pearson's of the ranks, equal values sharing the
+/// mean of theirs. `None` where there is no order: fewer than two pairs, all of one value, or a
+/// NaN.
 pub fn spearman(pairs: &[(f64, f64)]) -> Option<f64> {
     if pairs.iter().any(|(x, y)| x.is_nan() || y.is_nan()) {
         return None;
@@ -53,7 +54,7 @@ pub fn spearman(pairs: &[(f64, f64)]) -> Option<f64> {
     pearson(&xs, &ys)
 }
 
-/// Ranks from 1.
+/// Returns the ranks, from 1; equal values share the mean of theirs.
 fn ranks(values: Vec<f64>) -> Vec<f64> {
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
@@ -80,7 +81,7 @@ fn pearson(xs: &[f64], ys: &[f64]) -> Option<f64> {
     (xx > 0.0 && yy > 0.0).then(|| xy / (xx * yy).sqrt())
 }
 
-/// Spearman's rank correlation of `xs` and `ys` where `zs` is held constant: the partial
+/// Returns Spearman's rank correlation of `xs` and `ys` where `zs` is held constant: the partial
 /// correlation of the ranks. `None` as for [`spearman`], and where `zs` orders either alike.
 pub fn partial_spearman(xs: &[f64], ys: &[f64], zs: &[f64]) -> Option<f64> {
     let correlation = |a: &[f64], b: &[f64]| {

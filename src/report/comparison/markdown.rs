@@ -1,4 +1,4 @@
-//! The comparison as a Markdown table with the best of each scene in bold.
+//! This module writes the comparison as a Markdown table with the best of each scene in bold.
 
 use std::fmt;
 
@@ -56,7 +56,7 @@ impl Column {
         }
     }
 
-    /// The cells of rows that compare; what equals the best as printed is best, too.
+    /// Prints the cells of rows that compare; what equals the best as printed is best, too.
     fn cells(&self, figures: &[Option<Figure>]) -> Vec<String> {
         let means = figures.iter().flatten().map(|figure| figure.mean);
         let best = match self.better {
@@ -126,8 +126,8 @@ fn masked(run: &ComparedRun) -> Option<Mean> {
     run.evaluation.mean_masked.map(|masked| masked.mean)
 }
 
-/// A column for every LPIPS that was measured: distances of different nets, ranges or weights do
-/// not compare.
+/// Makes a column for every LPIPS that was measured: distances of different nets, ranges or weights
+/// do not compare.
 fn lpips_columns(
     runs: &[ComparedRun],
     prefix: &str,
@@ -162,7 +162,7 @@ fn lpips_columns(
     kinds.iter().map(column).collect()
 }
 
-/// A scene's rows: its name in the first, and the figures of each column.
+/// Adds a scene's rows: its name in the first, and the figures of each column.
 fn add_rows(
     table: &mut Table,
     scene: &str,
@@ -219,7 +219,7 @@ impl Comparison<'_> {
         self.blocks.iter().flat_map(|block| &block.rows)
     }
 
-    /// The mean of the scenes' means over seeds.
+    /// Returns the mean of the scenes' means over seeds.
     fn mean_over_scenes(&self, label: &str, column: &Column) -> Option<Figure> {
         let mean = |block: &Block| Some(block.row(label)?.figure(&column.value)?.mean);
         let figure = Figure::of(self.blocks.iter().map(mean))?;
@@ -230,7 +230,7 @@ impl Comparison<'_> {
         })
     }
 
-    /// What a reader must know to compare the rows.
+    /// Returns what a reader must know to compare the rows.
     fn notes(&self) -> Vec<String> {
         let first = &self.runs[0];
         let mut notes = Vec::new();
@@ -286,7 +286,7 @@ impl Comparison<'_> {
         text
     }
 
-    /// A line where runs differ in what they were trained with.
+    /// Returns a line that says how runs differ in what they were trained with, if they do.
     fn differing(&self, what: &str, value: impl Fn(&ComparedRun) -> &str) -> Option<String> {
         let mut values: Vec<&str> = self.runs.iter().map(value).collect();
         values.sort_unstable();

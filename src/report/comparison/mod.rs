@@ -1,4 +1,4 @@
-//! Several runs in one table: methods by scene, as papers print them.
+//! A comparison sets several runs in one table: methods by scene, as papers print them.
 //!
 //! Runs stand in one block, and compare, where the test images are the same: scene, image size
 //! and test views. In a block, runs of one method and the same settings are seeds of one row.
@@ -98,7 +98,7 @@ impl<'a> Comparison<'a> {
         Ok(comparison)
     }
 
-    /// Whether all runs agree in a setting.
+    /// Returns whether all runs agree in a setting.
     fn agree<T: PartialEq>(&self, setting: impl Fn(&'a ComparedRun) -> T) -> bool {
         let mut values = self.runs.iter().map(setting);
         let first = values.next();
@@ -129,7 +129,7 @@ impl<'a> Comparison<'a> {
         }
     }
 
-    /// The labels that have a row in every block; none where a scene is here twice, in other
+    /// Returns the labels that have a row in every block; none if a scene is here twice, in other
     /// sizes or with other test views, or there is only one.
     pub fn labels_of_all(&self) -> Vec<&str> {
         let source = |block: &Block<'a>| &block.rows[0].runs[0].metrics.scene.source;
@@ -167,8 +167,8 @@ impl<'a> Row<'a> {
     }
 }
 
-/// The rows of a block, without labels. Runs of one seed are not seeds of one row: they would
-/// make its spread look small.
+/// Returns the rows of a block, without labels. Runs of one seed are not seeds of one row: they
+/// would make its spread look small.
 fn rows(runs: Vec<&ComparedRun>) -> Vec<Row<'_>> {
     let row = |runs| Row {
         label: String::new(),
@@ -210,7 +210,7 @@ fn trained_on(views: &[String]) -> String {
     }
 }
 
-/// Items in groups of those that are `alike`, in the order of their first appearance.
+/// Groups items that are `alike`, in the order of their first appearance.
 fn grouped<'a, T>(
     items: impl Iterator<Item = &'a T>,
     alike: impl Fn(&T, &T) -> bool,

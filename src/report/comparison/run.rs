@@ -1,4 +1,4 @@
-//! A run as a comparison sees it.
+//! This is a run as a comparison sees it.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::run::{Evaluation, Measured, Metrics, RunDir};
 
-/// A run, what it did and what it measured.
+/// A run with what it did and what it measured.
 #[derive(Clone, Debug)]
 pub struct ComparedRun {
     name: String,
@@ -25,7 +25,7 @@ pub struct ComparedRun {
 }
 
 impl ComparedRun {
-    /// A run whose evaluation is `evaluation`.
+    /// Reads a run whose evaluation is `evaluation`.
     ///
     /// # Errors
     /// A config or metrics that cannot be read; an evaluation that an older version wrote.
@@ -61,24 +61,24 @@ impl ComparedRun {
         })
     }
 
-    /// The directory's own name.
+    /// Returns the directory's own name.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// How the test views were measured, which decides what compares.
+    /// Returns how the test views were measured, which decides what compares.
     pub fn measured(&self) -> &Measured {
         &self.measured
     }
 
-    /// Whether both were measured against the same images.
+    /// Returns whether both were measured against the same images.
     pub(super) fn same_images(&self, other: &ComparedRun) -> bool {
         let (a, b) = (&self.metrics.scene, &other.metrics.scene);
         (&a.name, &a.source, &a.test_views) == (&b.name, &b.source, &b.test_views)
             && self.measured.image_px == other.measured.image_px
     }
 
-    /// Whether both are the same method with the same settings, whatever the seed.
+    /// Returns whether both are the same method with the same settings, whatever the seed.
     pub(super) fn same_row(&self, other: &ComparedRun) -> bool {
         let key = |run: &ComparedRun| (run.config.iterations, run.config.scene.max_points);
         self.method == other.method
@@ -87,7 +87,7 @@ impl ComparedRun {
             && self.metrics.scene.train_views == other.metrics.scene.train_views
     }
 
-    /// `garden (320x213, 20 test views)`.
+    /// Returns `garden (320x213, 20 test views)`.
     pub(super) fn scene_label(&self) -> String {
         let scene = &self.metrics.scene;
         let [width, height] = self.measured.image_px.unwrap_or_default();
@@ -95,7 +95,7 @@ impl ComparedRun {
         format!("{} ({width}x{height}, {n} test views)", scene.name)
     }
 
-    /// How many points it started from, in words.
+    /// Says in words how many points it started from.
     pub(super) fn points(&self) -> String {
         match self.config.scene.max_points {
             Some(n) => format!("at most {n} points"),

@@ -1,4 +1,4 @@
-//! Several runs on one page: their figures, curves and renders.
+//! This module puts several runs on one page: their figures, curves and renders.
 
 use std::path::Path;
 
@@ -47,7 +47,7 @@ struct ComparedRun {
     renders: Vec<Picture>,
 }
 
-/// What `comparison.js` reads of a scene: each picture is a URI.
+/// The data of a scene that `comparison.js` reads: each picture is a URI.
 #[derive(Serialize)]
 struct Choices<'a> {
     /// The photograph, and the runs.
@@ -57,7 +57,8 @@ struct Choices<'a> {
 }
 
 impl SceneRuns {
-    /// A scene with its test views; about `n_runs` runs are going to share the page.
+    /// Starts a page's part for a scene with its test views; about `n_runs` runs are going to share
+    /// the page.
     pub fn new(scene: &SceneRecord, test: &[View], n_runs: usize) -> Result<SceneRuns> {
         let room = (MAX_PIXELS / WANTED_SIDE.pow(2)) as usize / n_runs.max(1);
         let n_shown = test.len().min(room.clamp(1, MAX_VIEWS));
@@ -75,7 +76,7 @@ impl SceneRuns {
         })
     }
 
-    /// Whether a run with this record compares with those here.
+    /// Returns whether a run with this record compares with those here.
     pub fn is_of(&self, scene: &SceneRecord) -> bool {
         (&self.scene.source, &self.scene.test_views) == (&scene.source, &scene.test_views)
     }

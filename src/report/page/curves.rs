@@ -1,4 +1,4 @@
-//! Training over its iterations.
+//! This module plots training over its iterations.
 
 use crate::error::Result;
 use crate::report::plot::{Axis, Plot, Point, Style};
@@ -17,7 +17,7 @@ pub(crate) struct Trained<'a> {
     pub ssim_weight: f64,
 }
 
-/// The plots of `runs` as SVG; series are named after the runs where there are several.
+/// Draws the plots of `runs` as SVG; series are named after the runs where there are several.
 ///
 /// # Errors
 /// Runs without any loss sample.
@@ -38,7 +38,7 @@ fn over_iterations(title: &str, label: &str) -> Plot {
     Plot::new(title, Axis::linear("iteration"), Axis::linear(label))
 }
 
-/// The legend needs no name where there is one run.
+/// Returns a run's name for the legend, which is empty if there is one run.
 fn label<'a>(runs: &[Trained<'a>], run: &Trained<'a>) -> &'a str {
     if runs.len() == 1 { "" } else { run.name }
 }
@@ -92,7 +92,7 @@ fn quality(runs: &[Trained], measure: &str, value: Measure) -> Plot {
     plot
 }
 
-/// Means over stretches of samples of one length, each at its stretch's end.
+/// Returns means over stretches of samples of one length, each at its stretch's end.
 fn means(samples: &[LossSample], value: impl Fn(&LossSample) -> Option<f64>) -> Vec<Point> {
     let values: Vec<(u32, f64)> = samples
         .iter()

@@ -1,4 +1,5 @@
-//! What the page's scripts read: cameras, the field on a grid, and how the Gaussians are packed.
+//! This module gathers what the page's scripts read: cameras, the field on a grid, and how the
+//! Gaussians are packed.
 
 use glam::DVec3;
 use serde::Serialize;
@@ -68,7 +69,8 @@ pub(crate) struct PageData {
 }
 
 impl PageData {
-    /// `cameras`: all of a run's, in the world; `frame`: its canonical one.
+    /// Gathers what the scripts read: all `cameras` of a run, in the world, and its canonical
+    /// `frame`.
     ///
     /// # Errors
     /// No camera of the run's is a training camera.

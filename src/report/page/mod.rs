@@ -1,4 +1,4 @@
-//! `report.html`: a run, or several, as one file that needs no server and no network.
+//! `report.html` shows a run, or several, as one file that needs no server and no network.
 //!
 //! What the pages say is read from the run directory; markup is escaped by `maud`, what the
 //! scripts read by [`json`].
@@ -25,7 +25,7 @@ const STYLE: &str = include_str!("style.css");
 const POLICY: &str =
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
 
-/// A whole page; `scripts` run in order, after the body is there.
+/// Returns a whole page; `scripts` run in order, after the body is there.
 fn document(title: &str, body: Markup, scripts: &[&str]) -> String {
     html! {
         (DOCTYPE)
@@ -48,14 +48,14 @@ fn document(title: &str, body: Markup, scripts: &[&str]) -> String {
     .into_string()
 }
 
-/// `value` for a script of type `application/json`. Within such an element only `<` could end it
-/// or open another, and JSON has it in strings alone.
+/// Writes `value` for a script of type `application/json`. Within such an element only `<` could
+/// end it or open another, and JSON has it in strings alone.
 fn json(value: &impl Serialize) -> Result<PreEscaped<String>> {
     let text = serde_json::to_string(value).map_err(|e| Error::new(e.to_string()))?;
     Ok(PreEscaped(text.replace('<', "\\u003c")))
 }
 
-/// A table; cells in Markdown's bold are bold.
+/// Returns a table as HTML; cells in Markdown's bold are bold.
 fn table(table: &Table) -> Markup {
     let cell = |text: &String| {
         let bold = text.strip_prefix("**").and_then(|t| t.strip_suffix("**"));

@@ -1,4 +1,4 @@
-//! Gaussians in 16 bytes each, for the page's own viewer.
+//! This module packs Gaussians in 16 bytes each, for the page's own viewer.
 //!
 //! | bytes | holds |
 //! |---|---|
@@ -22,7 +22,7 @@ pub(crate) const PACKED_BYTES: usize = 16;
 /// Range of a scale's logarithm, steps of 6 %; in `R`, from 6e-6 to 55.
 pub(crate) const SCALE_LOG: RangeInclusive<f32> = -12.0..=4.0;
 
-/// The `limit` Gaussians of most weight ([`Gaussians::heaviest`]).
+/// Packs the `limit` Gaussians of most weight ([`Gaussians::heaviest`]).
 pub(crate) fn pack(gaussians: &Gaussians, limit: usize) -> Vec<u8> {
     let chosen = gaussians.heaviest(limit);
     let mut bytes = Vec::with_capacity(PACKED_BYTES * chosen.len());
@@ -43,7 +43,7 @@ pub(crate) fn pack(gaussians: &Gaussians, limit: usize) -> Vec<u8> {
     bytes
 }
 
-/// `value` in [0, 1] as a whole share of `steps`; what is outside is clamped, NaN is 0.
+/// Returns `value` in [0, 1] as a whole share of `steps`; what is outside is clamped, NaN is 0.
 fn share(value: f32, steps: f32) -> u16 {
     (value.clamp(0.0, 1.0) * steps).round() as u16
 }

@@ -1,4 +1,4 @@
-//! Pictures within the page: small JPEGs as data URIs.
+//! Pictures within the page are small JPEGs as data URIs.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -15,10 +15,11 @@ const JPEG_QUALITY: u8 = 80;
 /// Longer side of a test view's pictures, pixels, where there are few.
 const MAX_SIDE: u32 = 480;
 
-/// The same where there are many.
+/// Longer side of a test view's pictures if there are many, pixels.
 const MIN_SIDE: u32 = 64;
 
-/// Most pixels of all pictures of one kind together: some 0.6 MB of photographs, 1.1 MB of error maps.
+/// Most pixels of all pictures of one kind together: some 0.6 MB of photographs, 1.1 MB of error
+/// maps.
 pub(crate) const MAX_PIXELS: u32 = 2_000_000;
 
 /// Mean error of the channels that takes the last colour of the map, of 1.
@@ -37,7 +38,8 @@ pub(crate) struct Picture {
     pub uri: String,
 }
 
-/// Longer side of each of `n` pictures shaped like `image` so that they keep the page small, pixels.
+/// Returns the longer side of each of `n` pictures shaped like `image` so that they keep the page
+/// small, pixels.
 pub(crate) fn side_of(n: usize, image: &Image) -> u32 {
     let (width, height) = (f64::from(image.width), f64::from(image.height));
     let each = f64::from(MAX_PIXELS) / n.max(1) as f64;
@@ -45,12 +47,12 @@ pub(crate) fn side_of(n: usize, image: &Image) -> u32 {
     MAX_SIDE.min(side as u32).max(MIN_SIDE)
 }
 
-/// `image` as a JPEG whose longer side is at most `side` pixels.
+/// Encodes `image` as a JPEG whose longer side is at most `side` pixels.
 pub(crate) fn picture(image: &Image, side: u32) -> Result<Picture> {
     encode(&small(image, side)?)
 }
 
-/// The mean absolute error of the channels in every pixel, as colours up to [`MAX_ERROR`].
+/// Draws the mean absolute error of the channels in every pixel, as colours up to [`MAX_ERROR`].
 ///
 /// # Errors
 /// Pictures of two sizes.

@@ -1,4 +1,4 @@
-//! One run's page.
+//! This module writes one run's page.
 
 use maud::{Markup, PreEscaped, html};
 use rayon::prelude::*;
@@ -179,7 +179,7 @@ fn view_figure(view: &PageView) -> Markup {
     }
 }
 
-/// `left` and `right` on one another, cut by a slider.
+/// Lays `left` and `right` on one another, cut by a slider.
 fn slider(left: &Picture, right: &Picture, name: &str) -> Markup {
     html! {
         div.compare {

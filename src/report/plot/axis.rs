@@ -1,4 +1,4 @@
-//! Axes: linear, logarithmic or of categories.
+//! An axis is linear, logarithmic or of categories.
 
 use std::ops::Range;
 
@@ -26,7 +26,7 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// An axis on which equal differences have equal lengths.
+    /// Returns an axis on which equal differences have equal lengths.
     pub fn linear(label: &str) -> Axis {
         Axis {
             label: label.to_owned(),
@@ -34,7 +34,7 @@ impl Axis {
         }
     }
 
-    /// Base 10; shows positive values only.
+    /// Returns a logarithmic axis, base 10; it shows positive values only.
     pub fn log(label: &str) -> Axis {
         Axis {
             label: label.to_owned(),
@@ -50,7 +50,7 @@ impl Axis {
         }
     }
 
-    /// The place of a value along the axis; not finite for one that it cannot show.
+    /// Returns the place of a value along the axis; not finite for one that it cannot show.
     pub(super) fn place(&self, value: f64) -> f64 {
         match self.kind {
             Kind::Log => value.log10(),
@@ -58,7 +58,7 @@ impl Axis {
         }
     }
 
-    /// The stretch to show, in places, with some room at the ends; None without a value.
+    /// Returns the stretch to show, in places, with some room at the ends; `None` without a value.
     pub(super) fn extent(&self, values: impl Iterator<Item = f64>) -> Option<Range<f64>> {
         if let Kind::Categories(names) = &self.kind {
             return (!names.is_empty()).then(|| -0.5..names.len() as f64 - 0.5);
@@ -80,7 +80,7 @@ impl Axis {
         Some(range.start - margin..range.end + margin)
     }
 
-    /// The coordinates that `plotters` draws over an extent.
+    /// Returns the coordinates that `plotters` draws over an extent.
     pub(super) fn places(&self, extent: &Range<f64>) -> Places {
         Places {
             extent: extent.clone(),
@@ -113,7 +113,7 @@ impl Axis {
         }
     }
 
-    /// The label of a tick.
+    /// Returns the label of a tick.
     pub(super) fn format(&self, place: f64) -> String {
         match &self.kind {
             Kind::Linear => plain(place),
@@ -150,7 +150,7 @@ impl Ranged for Places {
     }
 }
 
-/// Multiples of 1, 2 or 5 times a power of ten within `extent`.
+/// Returns the multiples of 1, 2 or 5 times a power of ten within `extent`.
 fn round_steps(extent: &Range<f64>) -> Vec<f64> {
     let least = (extent.end - extent.start) / N_TICKS;
     let power = 10f64.powf(least.log10().floor());
@@ -164,8 +164,8 @@ fn round_steps(extent: &Range<f64>) -> Vec<f64> {
     (first..=last).map(|i| i as f64 * step).collect()
 }
 
-/// A number as people write it: four digits, no trailing zeros, powers of ten only where
-/// it would be long otherwise.
+/// Returns a number as people write it: four digits, no trailing zeros, powers of ten only where it
+/// would be long otherwise.
 pub(super) fn plain(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();

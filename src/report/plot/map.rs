@@ -1,4 +1,4 @@
-//! A flat map of values over the sphere, with marked directions.
+//! A map shows values over the sphere flat, with marked directions.
 
 use std::ops::Range;
 use std::path::Path;
@@ -20,7 +20,7 @@ const CELL: i32 = 6;
 /// Directions marked on a map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapMark {
-    /// For the legend.
+    /// Name in the legend.
     pub name: String,
     /// Unit vectors from the map's centre.
     pub directions: Vec<DVec3>,
@@ -34,7 +34,7 @@ pub struct MapMark {
 pub struct SphereMap<'a> {
     /// The text above the map.
     pub title: String,
-    /// What the colours say, with its unit.
+    /// Label of the scale of colours, with its unit.
     pub color_label: String,
     /// Value in a unit direction; what is not finite is left blank.
     pub value: &'a dyn Fn(DVec3) -> f64,
@@ -48,7 +48,7 @@ pub struct SphereMap<'a> {
 }
 
 impl SphereMap<'_> {
-    /// The map as a document of its own.
+    /// Draws the map as a document of its own.
     ///
     /// # Errors
     /// No value is finite.

@@ -1,4 +1,4 @@
-//! Plots as SVG: curves, scatters and maps with labelled axes, drawn by `plotters`.
+//! This module draws plots as SVG by `plotters`: curves, scatters and maps with labelled axes.
 
 mod axis;
 mod map;
@@ -51,7 +51,7 @@ pub struct Point {
 }
 
 impl Point {
-    /// A point without an error bar.
+    /// Returns a point without an error bar.
     pub fn new(x: f64, y: f64) -> Point {
         Point { x, y, spread: None }
     }
@@ -71,7 +71,7 @@ pub enum Style {
 /// Points that belong together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
-    /// For the legend; an empty name is not listed.
+    /// Name in the legend; an empty one is not listed.
     pub name: String,
     /// In the order in which a curve joins them.
     pub points: Vec<Point>,
@@ -90,7 +90,7 @@ pub struct Plot {
     pub y: Axis,
     /// Drawn in this order, the last on top.
     pub series: Vec<Series>,
-    /// What the colours of [`Style::Colored`] say, with its unit.
+    /// Label of the colours of [`Style::Colored`], with its unit.
     pub color_label: String,
 }
 
@@ -99,7 +99,7 @@ type Coordinates = Cartesian2d<Places, Places>;
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Coordinates>;
 
 impl Plot {
-    /// A plot without a series; [`Plot::with`] adds them.
+    /// Returns a plot without a series; [`Plot::with`] adds them.
     pub fn new(title: &str, x: Axis, y: Axis) -> Plot {
         Plot {
             title: title.to_owned(),
@@ -110,7 +110,7 @@ impl Plot {
         }
     }
 
-    /// The plot with one more series.
+    /// Returns the plot with one more series.
     pub fn with(mut self, name: &str, style: Style, points: Vec<Point>) -> Plot {
         self.series.push(Series {
             name: name.to_owned(),
@@ -120,7 +120,7 @@ impl Plot {
         self
     }
 
-    /// The plot as a document of its own. Points that an axis cannot show (not finite, or not
+    /// Draws the plot as a document of its own. Points that an axis cannot show (not finite, or not
     /// positive on a logarithmic one) are left out.
     ///
     /// # Errors
@@ -154,7 +154,7 @@ impl Plot {
         write_file(path, self.to_svg()?.as_bytes())
     }
 
-    /// Whether both axes can show a point.
+    /// Returns whether both axes can show a point.
     fn shows(&self, point: &Point) -> bool {
         self.x.place(point.x).is_finite() && self.y.place(point.y).is_finite()
     }
@@ -255,7 +255,7 @@ impl Plot {
         Ok(())
     }
 
-    /// The series that the legend lists, with their colours.
+    /// Returns the series that the legend lists, with their colours.
     fn listed(&self) -> impl Iterator<Item = (&str, RGBColor)> {
         let colors = COLORS.iter().cycle();
         let named = self.series.iter().zip(colors);
@@ -264,7 +264,7 @@ impl Plot {
             .filter(|(name, _)| !name.is_empty())
     }
 
-    /// Beside the plot and not on it, where it would hide points.
+    /// Returns the width of the legend, which stands beside the plot: on it, it would hide points.
     fn legend_width(&self) -> u32 {
         let longest = self.listed().map(|(name, _)| name.chars().count()).max();
         longest.map_or(0, |n| (30 + LETTER_WIDTH * n as u32).min(SIZE.0 / 3))
@@ -280,7 +280,7 @@ impl Plot {
     }
 }
 
-/// Viridis' colour of a share in [0, 1], RGB.
+/// Returns Viridis' colour of a share in [0, 1], RGB.
 pub(super) fn viridis(share: f64) -> [u8; 3] {
     let RGBColor(r, g, b) = ViridisRGB.get_color(share);
     [r, g, b]
@@ -301,7 +301,7 @@ impl ColorScale {
         ColorScale::over(values.flatten().copied())
     }
 
-    /// None without a finite value.
+    /// Makes the scale of some values; `None` without a finite one.
     fn over(values: impl Iterator<Item = f64>) -> Option<ColorScale> {
         let finite = values.filter(|v| v.is_finite());
         let range = finite.fold(f64::INFINITY..f64::NEG_INFINITY, |range, v| {
@@ -310,7 +310,8 @@ impl ColorScale {
         (range.start <= range.end).then_some(ColorScale(range))
     }
 
-    /// In as many steps as the bar has, so that large areas of a colour are one shape.
+    /// Returns a value's colour in as many steps as the bar has, so that large areas of a colour
+    /// are one shape.
     fn color(&self, value: f64) -> RGBColor {
         let span = self.0.end - self.0.start;
         let share = if span > 0.0 {
@@ -324,7 +325,7 @@ impl ColorScale {
         ViridisRGB.get_color(step / f64::from(COLOR_STEPS - 1))
     }
 
-    /// The scale as an upright bar with its ends and middle labelled.
+    /// Draws the scale as an upright bar with its ends and middle labelled.
     fn draw(
         &self,
         area: &Area,
