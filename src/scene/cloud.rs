@@ -1,4 +1,4 @@
-//! Point clouds from disk: reading by format, cleaning and thinning.
+//! This module reads point clouds by format, cleans and thins them.
 
 use std::path::Path;
 
@@ -80,8 +80,8 @@ pub(super) fn clean(cloud: &mut PointCloud, cameras: &[Camera], warnings: &mut V
     }
 }
 
-/// The median distance of the camera centres from the middle of them, or of the points from there
-/// where most cameras coincide: a camera far away, used or not, changes neither.
+/// Returns the median distance of the camera centres from the middle of them, or of the points from
+/// there where most cameras coincide: a camera far away, used or not, changes neither.
 fn camera_extent(centers: &[DVec3], points: &[DVec3]) -> f64 {
     let axis = |i: usize| median(centers.iter().map(|c| c[i]).collect());
     let middle = DVec3::new(axis(0), axis(1), axis(2));
@@ -92,7 +92,7 @@ fn camera_extent(centers: &[DVec3], points: &[DVec3]) -> f64 {
     }
 }
 
-/// The upper middle of the values; 0 of none.
+/// Returns the upper middle of the values; 0 without one.
 fn median(mut values: Vec<f64>) -> f64 {
     if values.is_empty() {
         return 0.0;
@@ -101,9 +101,9 @@ fn median(mut values: Vec<f64>) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// At most `n` points of `cloud`, in its order: one drawn at random from each of `n` equal
-/// stretches of the index range, so that a cloud in pixel order is thinned evenly over the
-/// images. The same on every platform for the same `seed`.
+/// Returns at most `n` points of `cloud`, in its order: one drawn at random from each of `n` equal
+/// stretches of the index range, so that a cloud in pixel order is thinned evenly over the images.
+/// The same on every platform for the same `seed`.
 pub fn thin(cloud: &PointCloud, n: usize, seed: u64) -> PointCloud {
     if n >= cloud.len() {
         return cloud.clone();
@@ -133,9 +133,9 @@ pub fn thin(cloud: &PointCloud, n: usize, seed: u64) -> PointCloud {
 /// points would blow it up.
 const OUTLIERS: f64 = 0.01;
 
-/// As many points as `cloud` has, uniform in the box that holds the middle 98 % of its points
-/// along each axis, of uniform colours and without confidence: what 3DGS starts from where there
-/// is no cloud. The same on every platform for the same `seed`.
+/// Makes as many points as `cloud` has, uniform in the box that holds the middle 98 % of its points
+/// along each axis, of uniform colours and without confidence: what 3DGS starts from where there is
+/// no cloud. The same on every platform for the same `seed`.
 pub fn random_like(cloud: &PointCloud, seed: u64) -> PointCloud {
     let Some(last) = cloud.len().checked_sub(1) else {
         return PointCloud::default();

@@ -1,4 +1,4 @@
-//! Subjects that are cut out of their photographs: the cloud keeps what lies within them.
+//! If subjects are cut out of their photographs, the cloud keeps what lies within them.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use super::cloud::thin;
 use super::{PointCloud, View};
 
-/// Points of the whole cloud that are kept where masks drop some: what needs more than a sample of it
-/// needs what is left.
+/// Points of the whole cloud that are kept where masks drop some: what needs more than a sample of
+/// it needs what is left.
 const MAX_SAMPLE: usize = 60_000;
 
 /// Drops points that some training view, its subject cut out, has in its frame but outside of its
@@ -36,7 +36,8 @@ pub(super) fn keep_within_masks(
     Some(whole)
 }
 
-/// Whether the view's frame has the point, and the mask of its cut-out subject nothing around it.
+/// Returns whether the point lies in the view's frame and the mask of its cut-out subject sets
+/// nothing around it.
 fn is_outside(view: &View, point: DVec3) -> bool {
     let Some(mask) = view.mask.as_ref().filter(|_| view.is_cut_out()) else {
         return false;

@@ -1,4 +1,4 @@
-//! Photographs from disk, undistorted and scaled to the asked size.
+//! This module decodes photographs from disk, undistorted and scaled to the asked size.
 
 use image::imageops::{FilterType, resize};
 use image::metadata::Orientation;
@@ -21,14 +21,15 @@ pub(super) struct Decoded {
     pub view: View,
     /// Why its alpha channel is no mask, where it has one that is none.
     pub unbelieved: Option<Unbelieved>,
-    /// What an alpha channel that is its mask may be, unless the options say what that is.
+    /// The window that an alpha channel, taken as its mask, may be; `None` if the options say what
+    /// it is.
     pub window: Option<Option<Window>>,
     /// Whether its EXIF data ask for it to be turned for display.
     pub is_turned: bool,
     pub fit: Fit,
     /// The size that its camera had been given.
     pub stated: (u32, u32),
-    /// What a fisheye photograph lost.
+    /// The part of a fisheye photograph that is left.
     pub cut: Option<Cut>,
 }
 
@@ -40,9 +41,9 @@ pub(super) struct Decoded {
 ///
 /// # Errors
 ///
-/// Files that are unreadable, of no format that is read, damaged or too large; photographs that do not
-/// fit their camera as [`fitted`] has it, or whose distortion cannot be undone; masks
-/// that are none.
+/// Files that are unreadable, of no format that is read, damaged or too large; photographs that do
+/// not fit their camera as [`fitted`] has it, or whose distortion cannot be undone; masks that are
+/// none.
 pub(super) fn decode(
     photograph: &PosedImage,
     masks: &Masks,
@@ -92,8 +93,8 @@ pub(super) fn decode(
     })
 }
 
-/// The photograph at full size, the camera of all of it, and whether its EXIF data would have it
-/// turned.
+/// Decodes the photograph at full size; returns with it the camera of all of it, and whether its
+/// EXIF data would have it turned.
 fn decode_bytes(bytes: &[u8], posed: &PosedCamera) -> Result<(DynamicImage, Fitted, bool)> {
     let (mut decoder, (width, height)) = open_image(bytes)?;
     let camera = &posed.camera;
@@ -123,8 +124,8 @@ fn from_rgb(image: RgbImage) -> Image {
     }
 }
 
-/// The size at which an image is used. Intrinsics then scale with the two exact ratios, so that
-/// rounding moves no ray.
+/// Returns the size at which an image is used. Intrinsics then scale with the two exact ratios, so
+/// that rounding moves no ray.
 pub(super) fn target_size(width: u32, height: u32, options: &LoadOptions) -> (u32, u32) {
     let (side, bound) = match options.max_size {
         Some(max_size) => (width.max(height), max_size),

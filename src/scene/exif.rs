@@ -1,12 +1,12 @@
-//! The focal length in a photograph's EXIF, a TIFF directory.
+//! This module reads the focal length in a photograph's EXIF, a TIFF directory.
 
 /// Tag of the directory of exposure data.
 const EXIF_IFD: u16 = 0x8769;
 /// Tag of the focal length on 35 mm film.
 const FOCAL_35MM: u16 = 0xa405;
 
-/// The focal length on 35 mm film, mm; none where it is not there, 0 (unknown), or the data are
-/// not as they should be.
+/// Returns the focal length on 35 mm film, mm; `None` if it is not there, 0 (unknown), or the data
+/// are malformed.
 pub(super) fn focal_35mm(exif: &[u8]) -> Option<f64> {
     let exif = exif.strip_prefix(b"Exif\0\0").unwrap_or(exif);
     let little = match exif.get(..4)? {
@@ -47,7 +47,7 @@ impl Tiff<'_> {
         })
     }
 
-    /// The short or long value of a tag in the directory at a byte.
+    /// Returns the short or long value of a tag in the directory at a byte.
     fn value(&self, directory: u32, tag: u16) -> Option<u32> {
         let begin = directory as usize;
         let n = self.u16(begin)?;

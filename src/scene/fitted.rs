@@ -1,10 +1,10 @@
-//! Cameras of photographs that have another size than their camera.
+//! This module fits cameras to photographs that have another size than their camera.
 //!
 //! DUSt3R, MASt3R and VGGT see photographs scaled to a size of their own and cropped or padded, and
 //! what they say of the cameras is often handed on at that size. How they do it is known (DUSt3R's
 //! `load_images`, VGGT's `load_and_preprocess_images` and its square sibling), so that a camera of
-//! such a size is mapped to the whole photograph. Places are measured from the image's corner, pixel
-//! centres at +0.5, in which scaling is a product and a crop a shift.
+//! such a size is mapped to the whole photograph. Places are measured from the image's corner,
+//! pixel centres at +0.5, in which scaling is a product and a crop a shift.
 
 use super::image_file::same_aspect;
 use crate::camera::Camera;
@@ -47,8 +47,9 @@ struct Window {
     corner: [f64; 2],
 }
 
-/// The camera of a photograph of `size` pixels that `camera` stands for; none where the shapes
-/// do not fit. If there are several ways to map it, that of the most nearly square pixels is taken.
+/// Finds the camera of a photograph of `size` pixels that `camera` stands for; none where the
+/// shapes do not fit. If there are several ways to map it, that of the most nearly square pixels is
+/// taken.
 pub(super) fn fitted(camera: &Camera, size: (u32, u32)) -> Option<Fitted> {
     let (width, height) = (camera.width, camera.height);
     let rescaled = |how| Fitted {
@@ -76,13 +77,13 @@ pub(super) fn fitted(camera: &Camera, size: (u32, u32)) -> Option<Fitted> {
     }
 }
 
-/// How far a camera's pixels are from square.
+/// Returns how far a camera's pixels are from square.
 fn stretch(camera: &Camera) -> f64 {
     (camera.fx / camera.fy).ln().abs()
 }
 
 impl Window {
-    /// The camera of the whole photograph.
+    /// Returns the camera of the whole photograph.
     fn camera(&self, seen: &Camera, (width, height): (u32, u32)) -> Camera {
         let ([sx, sy], [left, top]) = (self.scale, self.corner);
         Camera {
@@ -97,7 +98,7 @@ impl Window {
     }
 }
 
-/// All that the programs make of a photograph of `size`.
+/// Lists all that the programs make of a photograph of `size`.
 fn windows((width, height): (u32, u32)) -> Vec<Window> {
     let photograph = [f64::from(width), f64::from(height)];
     let longer = photograph[0].max(photograph[1]);

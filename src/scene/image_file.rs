@@ -1,4 +1,4 @@
-//! Image files: what the header tells is checked before any pixel is decoded.
+//! This module opens image files: it checks what the header tells before any pixel is decoded.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -22,8 +22,8 @@ const MAX_GAIN: u64 = 24 * 1032;
 /// colour in some tens of bytes.
 const SMALL: u64 = 8 << 20;
 
-/// A photograph ready to be decoded, and its size: everything that the header tells is checked
-/// before any pixel is decoded.
+/// Opens a photograph for decoding and returns it with its size: everything that the header tells
+/// is checked before any pixel is decoded.
 pub(super) fn open_image(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, (u32, u32))> {
     if bytes.is_empty() {
         return Err(Error::new("the image file is empty").way_out("copy the image again"));
@@ -69,7 +69,7 @@ pub(super) fn open_image(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, (u32, 
     Ok((decoder, (width, height)))
 }
 
-/// All pixels of what [`open_image`] opened of `bytes`.
+/// Decodes all pixels of what [`open_image`] opened of `bytes`.
 ///
 /// # Errors
 /// Damage, and pixels that are missing.
@@ -78,7 +78,7 @@ pub(super) fn decoded(bytes: &[u8], decoder: impl ImageDecoder) -> Result<Dynami
     DynamicImage::from_decoder(decoder).map_err(undecodable)
 }
 
-/// What a file is that is not read, by how it begins: suffixes say little of what was renamed.
+/// Says what a file is that is not read, by how it begins: suffixes say little of what was renamed.
 fn other_kind(bytes: &[u8]) -> Option<&'static str> {
     let brand = bytes.get(4..12).unwrap_or_default();
     Some(match bytes {
@@ -101,7 +101,7 @@ fn other_kind(bytes: &[u8]) -> Option<&'static str> {
     })
 }
 
-/// Width and height of the photograph in `path`, by its content.
+/// Reads the width and height of the photograph in `path`, by its content.
 ///
 /// # Errors
 /// As of [`open_image`].
@@ -118,8 +118,8 @@ fn undecodable(e: image::ImageError) -> Error {
     ))
 }
 
-/// Whether the larger of two sizes, scaled to the width of the smaller, has its height within
-/// a pixel: sizes are rounded when images are scaled.
+/// Returns whether the larger of two sizes, scaled to the width of the smaller, has its height
+/// within a pixel: sizes are rounded when images are scaled.
 pub(super) fn same_aspect(a: (u32, u32), b: (u32, u32)) -> bool {
     let (small, large) = if a.0 <= b.0 { (a, b) } else { (b, a) };
     let scale = f64::from(small.0) / f64::from(large.0);

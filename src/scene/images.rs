@@ -1,4 +1,5 @@
-//! The folder of photographs: which there are, and which pose belongs to which.
+//! This module looks through the folder of photographs: which there are, and which pose belongs to
+//! which.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -26,13 +27,14 @@ pub(super) struct Matched {
 }
 
 impl Matched {
-    /// Whether a name is that of some view, pose or photograph.
+    /// Returns whether a name is that of some view, pose or photograph.
     pub(crate) fn knows(&self, name: &str) -> bool {
         let known = self.without_image.contains(name) || self.without_pose.contains(name);
         known || self.index(name).is_some()
     }
 
-    /// The view of a name, or else the only one whose name differs in spelling alone.
+    /// Returns the index of the view of a name, or else of the only one whose name differs in
+    /// spelling alone.
     pub(crate) fn index(&self, name: &str) -> Option<usize> {
         if let Some(&index) = self.by_name.get(name) {
             return Some(index);
@@ -168,8 +170,8 @@ pub(super) fn match_images(
     Ok(matched)
 }
 
-/// The photographs that may have a pose, those that are not read apart. In the scene's own folder,
-/// which holds other pictures, too, only what lies beside posed ones counts.
+/// Lists the photographs that may have a pose, those that are not read apart. In the scene's own
+/// folder, which holds other pictures, too, only what lies beside posed ones counts.
 fn listed(folder: &Folder, is_scene: bool, names: &[&str]) -> (Vec<String>, Vec<String>) {
     if !is_scene {
         return folder.photographs();

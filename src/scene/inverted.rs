@@ -1,8 +1,9 @@
-//! Poses that a program wrote the wrong way round: camera-to-world where world-to-camera belongs.
+//! This module finds poses that a program wrote the wrong way round: camera-to-world where
+//! world-to-camera belongs.
 //!
 //! Some converters to COLMAP's format do, DUSt3R's among them, and every trainer then learns from
-//! cameras that look elsewhere. The point cloud tells: its colours are those of the photographs where
-//! the poses are right.
+//! cameras that look elsewhere. The point cloud tells: its colours are those of the photographs
+//! where the poses are right.
 
 use super::{PointCloud, View};
 use crate::camera::Camera;
@@ -19,7 +20,7 @@ const GAIN: f64 = 0.75;
 /// A single view may be worse by this, as where both ways are the same.
 const SLACK: f64 = 1.05;
 
-/// The camera whose pose is read as camera-to-world.
+/// Returns the camera with its pose read as camera-to-world.
 pub(super) fn turned(camera: &Camera) -> Camera {
     Camera {
         rotation: camera.rotation.transpose(),
@@ -28,8 +29,8 @@ pub(super) fn turned(camera: &Camera) -> Camera {
     }
 }
 
-/// Whether the photographs of `views` agree with the cloud's colours if their poses are turned
-/// round, and clearly less as they are written.
+/// Returns whether the photographs of `views` agree with the cloud's colours if their poses are
+/// turned round, and clearly less as they are written.
 pub(super) fn are_inverted(views: &[View], cloud: &PointCloud) -> bool {
     let pair = |view: &View| {
         // A camera that sees nothing of the cloud agrees with it no better than chance.
@@ -47,9 +48,9 @@ pub(super) fn are_inverted(views: &[View], cloud: &PointCloud) -> bool {
     !pairs.is_empty() && none_suffers && turned < MOST && turned < GAIN * written
 }
 
-/// Mean difference between the colours of the points that `camera` sees and the photograph's, as a
-/// share of what it is for points in other places: about 1 where they have nothing to do with each
-/// other. None where too few are seen.
+/// Returns the mean difference between the colours of the points that `camera` sees and the
+/// photograph's, as a share of what it is for points in other places: about 1 where they have
+/// nothing to do with each other. `None` if too few are seen.
 fn disagreement(view: &View, camera: &Camera, cloud: &PointCloud) -> Option<f64> {
     let (width, height) = (camera.width, camera.height);
     let cell = f64::from(width.div_ceil(CELLS));

@@ -1,4 +1,4 @@
-//! What a format's reader finds in a scene folder.
+//! A layout is what a format's reader finds in a scene folder.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ const MAX_SIDE: f64 = (1 << 20) as f64;
 
 /// A scene folder, read but for its images and points.
 pub(super) struct Layout {
-    /// What was taken, relative to the scene folder.
+    /// The files that were taken, relative to the scene folder.
     pub source: String,
     /// Every pose, at the model's resolution and under the model's name for the image.
     pub cameras: Vec<PosedCamera>,
@@ -26,7 +26,7 @@ pub(super) struct Layout {
     pub cloud: Result<PathBuf>,
     /// The views that the format itself sets apart.
     pub split: Option<NamedSplit>,
-    /// What was assumed or left out.
+    /// Lines that say what was assumed or left out.
     pub warnings: Vec<String>,
 }
 
@@ -45,7 +45,7 @@ pub(super) struct PosedCamera {
 #[derive(Debug)]
 pub(super) struct NamedSplit {
     pub train: Vec<String>,
-    /// Names of the test views; None: drawn from the rest.
+    /// Names of the test views; `None`: drawn from the rest.
     pub test: Option<Vec<String>>,
     pub place: PathBuf,
 }
@@ -63,7 +63,7 @@ pub(super) struct Intrinsics {
 }
 
 impl Intrinsics {
-    /// `params` are `[fx, fy, cx, cy]`.
+    /// Checks and takes `params`, `[fx, fy, cx, cy]`.
     ///
     /// # Errors
     ///
@@ -93,7 +93,7 @@ impl Intrinsics {
         })
     }
 
-    /// The camera of the image `name`; `rotation` and `translation` are world-to-camera.
+    /// Returns the camera of the image `name`; `rotation` and `translation` are world-to-camera.
     pub(crate) fn posed(&self, name: String, rotation: DMat3, translation: DVec3) -> PosedCamera {
         PosedCamera {
             camera: Camera {

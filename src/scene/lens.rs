@@ -1,4 +1,4 @@
-//! Lens distortion, and the pinhole camera that an undistorted image has.
+//! This module has lens distortion, and finds the pinhole camera that an undistorted image has.
 
 use glam::{DMat2, DVec2};
 
@@ -54,7 +54,7 @@ pub(super) struct Distortion {
 }
 
 impl Distortion {
-    /// OpenCV's first four coefficients, `[k1, k2, p1, p2]`.
+    /// Takes OpenCV's first four coefficients, `[k1, k2, p1, p2]`.
     pub(crate) fn opencv([k1, k2, p1, p2]: [f64; 4]) -> Distortion {
         Distortion {
             radial: [k1, k2, 0.0, 0.0],
@@ -63,7 +63,7 @@ impl Distortion {
         }
     }
 
-    /// OpenCV's fisheye model with `[k1, k2, k3, k4]`.
+    /// Takes OpenCV's fisheye model with `[k1, k2, k3, k4]`.
     pub(crate) fn fisheye(radial: [f64; 4]) -> Distortion {
         Distortion {
             fisheye: true,
@@ -72,8 +72,8 @@ impl Distortion {
         }
     }
 
-    /// The distortion, or none where it leaves every ray as it is. Coefficients that are not finite
-    /// are refused.
+    /// Returns the distortion, or `None` if it leaves every ray as it is. Coefficients that are not
+    /// finite are refused.
     pub(crate) fn checked(self) -> Result<Option<Distortion>> {
         if let Some(bad) = self.coefficients().find(|k| !k.is_finite()) {
             return Err(Error::new(format!(
@@ -96,7 +96,7 @@ impl Distortion {
         radial.chain(denominator).chain(ends)
     }
 
-    /// The place at which the ray through `p` on the plane at depth 1 ends.
+    /// Returns the place at which the ray through `p` on the plane at depth 1 ends.
     pub(crate) fn distort(&self, p: DVec2) -> DVec2 {
         let q = self.bent(p);
         let [p1, p2] = self.tangential;
@@ -110,7 +110,8 @@ impl Distortion {
             + r2 * DVec2::from(self.prism)
     }
 
-    /// The coordinates that the polynomials take: a fisheye's grow with the angle of the ray.
+    /// Returns the coordinates that the polynomials take: a fisheye's grow with the angle of the
+    /// ray.
     fn bent(&self, p: DVec2) -> DVec2 {
         let r = p.length();
         if self.fisheye && r > 0.0 {
@@ -129,7 +130,7 @@ impl Distortion {
         (angle < std::f64::consts::FRAC_PI_2).then(|| q * (angle.tan() / angle))
     }
 
-    /// `R` of the definition, and its derivative by `s`.
+    /// Returns `R` of the definition, and its derivative by `s`.
     fn gain(&self, s: f64) -> (f64, f64) {
         let [k1, k2, k3, k4] = self.radial;
         let [d1, d2, d3] = self.denominator;
@@ -145,7 +146,7 @@ impl Distortion {
         (gain, (above_slope - gain * below_slope) / below)
     }
 
-    /// Derivatives of `x'`, `y'` by the coordinates that the polynomials take.
+    /// Returns the derivatives of `x'`, `y'` by the coordinates that the polynomials take.
     fn jacobian(&self, q: DVec2) -> DMat2 {
         let ([p1, p2], [sx, sy]) = (self.tangential, self.prism);
         let (radial, slope) = self.gain(q.length_squared());
@@ -163,8 +164,8 @@ impl Distortion {
         )
     }
 
-    /// If the model is one-to-one on the way from the centre, the point on the plane at depth 1
-    /// that is distorted to `goal`.
+    /// Returns, if the model is one-to-one on the way from the centre, the point on the plane at
+    /// depth 1 that is distorted to `goal`.
     fn undistort(&self, goal: DVec2) -> Option<DVec2> {
         let mut q = DVec2::ZERO;
         for step in 1..=STEPS {
@@ -181,7 +182,7 @@ impl Distortion {
         self.straight(q)
     }
 
-    /// Newton's method from `start`, in the coordinates that the polynomials take.
+    /// Applies Newton's method from `start`, in the coordinates that the polynomials take.
     fn newton(&self, start: DVec2, goal: DVec2) -> Option<DVec2> {
         let unbent = Distortion {
             fisheye: false,
@@ -204,9 +205,9 @@ impl Distortion {
     }
 }
 
-/// The camera of a distorted image once it is undistorted. Focal lengths and pose stay, so that
-/// the centre keeps its resolution; the image is bounded by the innermost point of each side of
-/// the undistorted photograph, so that every pixel of it was photographed, and a fisheye's by
+/// Finds the camera of a distorted image once it is undistorted. Focal lengths and pose stay, so
+/// that the centre keeps its resolution; the image is bounded by the innermost point of each side
+/// of the undistorted photograph, so that every pixel of it was photographed, and a fisheye's by
 /// [`MAX_SLOPE`], too.
 ///
 /// # Errors
@@ -246,7 +247,7 @@ pub(super) fn pinhole(camera: &Camera, distortion: &Distortion) -> Result<Camera
     Ok(undistorted)
 }
 
-/// Points around the border of a camera's image, pixels.
+/// Returns points around the border of a camera's image, pixels.
 fn border(camera: &Camera) -> impl Iterator<Item = [DVec2; 4]> {
     let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
     (0..=BORDER_SAMPLES).map(move |i| {
@@ -260,8 +261,8 @@ fn border(camera: &Camera) -> impl Iterator<Item = [DVec2; 4]> {
     })
 }
 
-/// Corners of the undistorted image, in pixels from the principal point; without a bound where no
-/// point of a side can be undistorted.
+/// Returns the corners of the undistorted image, in pixels from the principal point; without a
+/// bound where no point of a side can be undistorted.
 fn inner_rectangle(camera: &Camera, distortion: &Distortion) -> (DVec2, DVec2) {
     let (focal, principal) = lens(camera);
     let (mut low, mut high) = (DVec2::MIN, DVec2::MAX);
@@ -276,7 +277,8 @@ fn inner_rectangle(camera: &Camera, distortion: &Distortion) -> (DVec2, DVec2) {
     (low, high)
 }
 
-/// Whether the distortion is one-to-one on the pinhole image and takes it into the photograph.
+/// Returns whether the distortion is one-to-one on the pinhole image and takes it into the
+/// photograph.
 fn is_covered(pinhole: &Camera, camera: &Camera, distortion: &Distortion) -> bool {
     let (focal, principal) = lens(camera);
     let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
@@ -294,7 +296,7 @@ fn is_covered(pinhole: &Camera, camera: &Camera, distortion: &Distortion) -> boo
     })
 }
 
-/// The share of a photograph's area that its pinhole image shows.
+/// Returns the share of a photograph's area that its pinhole image shows.
 pub(super) fn shown(camera: &Camera, distortion: &Distortion, pinhole: &Camera) -> f64 {
     let (focal, principal) = lens(camera);
     let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
@@ -310,7 +312,7 @@ pub(super) fn shown(camera: &Camera, distortion: &Distortion, pinhole: &Camera) 
     cells.filter(is_shown).count() as f64 / f64::from(GRID * GRID)
 }
 
-/// Focal lengths and principal point, pixels.
+/// Returns focal lengths and principal point, pixels.
 fn lens(camera: &Camera) -> (DVec2, DVec2) {
     (
         DVec2::new(camera.fx, camera.fy),
@@ -318,7 +320,8 @@ fn lens(camera: &Camera) -> (DVec2, DVec2) {
     )
 }
 
-/// Whole pixels between `low` and `high`, of an image that had `pixels`, and where they begin.
+/// Returns the number of whole pixels between `low` and `high` of an image that had `pixels`, and
+/// where they begin.
 fn side(pixels: u32, low: f64, high: f64) -> Option<(u32, f64)> {
     let bound = MAX_SCALE * f64::from(pixels);
     let whole = (high - low + PIXEL_SLACK).floor().min(bound);

@@ -1,4 +1,5 @@
-//! A scene folder to a [`Scene`]: the format's reader finds what there is, the rest is shared.
+//! This module makes a [`Scene`] of a scene folder: the format's reader finds what there is, the
+//! rest is shared.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -29,7 +30,8 @@ use crate::error::{Error, Result};
 use crate::files::bytes::read_regular;
 use crate::files::npy::read_vector;
 
-/// COLMAP's points are newer than a PLY only by so much: files that are copied together differ a little.
+/// COLMAP's points are newer than a PLY only by so much: files that are copied together differ a
+/// little.
 const NEWER: Duration = Duration::from_secs(60);
 /// Times as many points are far more.
 const FAR_MORE: u64 = 10;
@@ -157,8 +159,8 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     })
 }
 
-/// The photographs in order. Alpha channels say that a subject is cut out, unless all of them are one and
-/// the same window, in which case what they leave out is ignored.
+/// Decodes the photographs in order. Alpha channels say that a subject is cut out, unless all of
+/// them are one and the same window, in which case what they leave out is ignored.
 fn decode_all(
     chosen: &[&PosedImage],
     masks: &Masks,
@@ -179,7 +181,7 @@ fn decode_all(
     as_if(AlphaIs::Window)
 }
 
-/// The scene's own cloud; none only where none is needed.
+/// Returns the scene's own cloud; `None` only if none is needed.
 fn own_cloud(found: Result<PathBuf>, dir: &Path, options: &LoadOptions) -> Result<Option<PathBuf>> {
     match found {
         Err(_) if !options.needs_cloud => Ok(None),
@@ -188,7 +190,7 @@ fn own_cloud(found: Result<PathBuf>, dir: &Path, options: &LoadOptions) -> Resul
     }
 }
 
-/// How a scene with cameras and photographs gets a cloud.
+/// Says how a scene with cameras and photographs gets a cloud.
 fn make_a_cloud(dir: &Path) -> String {
     format!(
         "`gspotential scene --cameras {} --weights model.safetensors --out dense.ply` makes a cloud, \
@@ -197,7 +199,7 @@ fn make_a_cloud(dir: &Path) -> String {
     )
 }
 
-/// What the poses are worth, with a warning where some were only interpolated.
+/// Returns the protocol of the poses, and warns if some were only interpolated.
 fn protocol(n_interpolated: usize, warnings: &mut Vec<String>) -> PoseProtocol {
     if n_interpolated == 0 {
         return PoseProtocol::SharedFrame;
@@ -294,7 +296,7 @@ fn no_point(path: &Path, n_stored: usize) -> Error {
     .way_out("make the cloud again: training starts from it")
 }
 
-/// The views in order, or the first error in order.
+/// Returns the views in order, or the first error in order.
 fn views(decoded: Vec<Result<Decoded>>, warnings: &mut Vec<String>) -> Result<Vec<View>> {
     let mut views = Vec::with_capacity(decoded.len());
     let (mut rescaled, mut seen, mut cut) = (Vec::new(), Vec::new(), Vec::new());
@@ -372,9 +374,9 @@ fn views(decoded: Vec<Result<Decoded>>, warnings: &mut Vec<String>) -> Result<Ve
     Ok(views)
 }
 
-/// A line where a cloud is taken although COLMAP's own points beside it are newer or far more: files are
-/// left behind by earlier reconstructions and by programs that thin them. Text of as many points is what
-/// COLMAP's converter makes to be looked at.
+/// Returns a line if a cloud is taken although COLMAP's own points beside it are newer or far more:
+/// files are left behind by earlier reconstructions and by programs that thin them. Text of as many
+/// points is what COLMAP's converter makes to be looked at.
 fn stale(taken: &Path, n_taken: usize) -> Option<String> {
     let changed = |path: &Path| std::fs::metadata(path).ok()?.modified().ok();
     let of = |name: &str| {
@@ -399,7 +401,7 @@ fn stale(taken: &Path, n_taken: usize) -> Option<String> {
     ["points3D.bin", "points3D.txt"].into_iter().find_map(of)
 }
 
-/// The number of points that a file of COLMAP's begins with.
+/// Returns the number of points that a file of COLMAP's begins with.
 fn n_points(path: &Path) -> Option<u64> {
     let mut file = File::open(path).ok()?;
     if path.extension()? == "bin" {
@@ -415,7 +417,7 @@ fn n_points(path: &Path) -> Option<u64> {
     digits.parse().ok()
 }
 
-/// The folder's own name, also for `.` and `..`.
+/// Returns the folder's own name, also for `.` and `..`.
 fn folder_name(dir: &Path) -> String {
     let full = dir.canonicalize().unwrap_or_else(|_| dir.to_owned());
     full.file_name()

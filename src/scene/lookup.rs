@@ -1,4 +1,4 @@
-//! Finding a scene's files by the names that poses, lists and people give them.
+//! This module finds a scene's files by the names that poses, lists and people give them.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -33,7 +33,7 @@ pub(super) enum How {
     Tail,
 }
 
-/// What is there under a name.
+/// The outcome of looking up a name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Lookup {
     /// The file's path within the folder, with `/` between.
@@ -65,8 +65,8 @@ impl Folder {
         }
     }
 
-    /// Whether `name` itself is a file's path here, links followed, and not of a format that is
-    /// not read.
+    /// Returns whether `name` itself is a file's path here, links followed, and not of a format
+    /// that is not read.
     pub(crate) fn has(&self, name: &str) -> bool {
         !is_unread(name) && self.root.join(name).is_file()
     }
@@ -146,8 +146,8 @@ impl Folder {
         other.map_or(Lookup::Missing, |name| Lookup::Unread(path(name)))
     }
 
-    /// All photographs here and in the folders below, links to folders followed once each; those
-    /// that are not read apart.
+    /// Returns all photographs here and in the folders below, links to folders followed once each;
+    /// those that are not read apart.
     pub(crate) fn photographs(&self) -> (Vec<String>, Vec<String>) {
         let mut found = (Vec::new(), Vec::new());
         let mut seen = Vec::new();
@@ -167,7 +167,7 @@ impl Folder {
         found
     }
 
-    /// Those in the folder `place` alone, which is empty or ends in `/`.
+    /// Lists those in the folder `place` alone, which is empty or ends in `/`.
     pub(crate) fn photographs_in(&self, place: &str, found: &mut (Vec<String>, Vec<String>)) {
         for name in &self.list(place).files {
             // macOS leaves a `._a.jpg` with a photograph's attributes on foreign disks.
@@ -212,13 +212,14 @@ impl Folder {
     }
 }
 
-/// Whether a folder is what training writes: a config, beside what marks a run that is under way or done.
+/// Returns whether a folder is what training writes: a config, beside what marks a run that is
+/// under way or done.
 pub(super) fn is_run(dir: &Path) -> bool {
     let marks = [".lock", "metrics.json", "checkpoints"];
     dir.join("config.json").is_file() && marks.iter().any(|mark| dir.join(mark).exists())
 }
 
-/// Whether a name fits.
+/// A test whether a name fits.
 type Fits<'a> = &'a dyn Fn(&str) -> bool;
 
 fn only(names: &[String], fits: impl Fn(&str) -> bool) -> Option<&String> {
@@ -227,19 +228,19 @@ fn only(names: &[String], fits: impl Fn(&str) -> bool) -> Option<&String> {
     first.filter(|_| fitting.next().is_none())
 }
 
-/// A name as people take it for the same: composed, in small letters, with `/` between.
+/// Returns a name as people take it for the same: composed, in small letters, with `/` between.
 pub(super) fn folded(name: &str) -> String {
     let slashed = name.replace('\\', "/");
     slashed.nfc().flat_map(char::to_lowercase).nfc().collect()
 }
 
-/// The name without its suffix.
+/// Returns the name without its suffix.
 pub(super) fn stem(name: &str) -> &str {
     name.rsplit_once('.').map_or(name, |(stem, _)| stem)
 }
 
-/// What a pose's photograph may be called before its suffix: the name may have none, and hold
-/// periods all the same.
+/// Returns what a pose's photograph may be called before its suffix: the name may have none, and
+/// hold periods all the same.
 fn stems_of_pose(name: &str) -> Vec<&str> {
     if is_read(name) || is_unread(name) {
         vec![name, stem(name)]
@@ -248,12 +249,12 @@ fn stems_of_pose(name: &str) -> Vec<&str> {
     }
 }
 
-/// Whether the name's suffix is of a format of photographs that is read.
+/// Returns whether the name's suffix is of a format of photographs that is read.
 pub(super) fn is_read(name: &str) -> bool {
     has_suffix(name, &READ)
 }
 
-/// Whether the name's suffix is of a format of photographs that is not read.
+/// Returns whether the name's suffix is of a format of photographs that is not read.
 pub(super) fn is_unread(name: &str) -> bool {
     has_suffix(name, &UNREAD)
 }

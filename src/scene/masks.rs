@@ -1,4 +1,4 @@
-//! Masks: which pixels of a photograph show the subject.
+//! A mask says which pixels of a photograph show the subject.
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -18,8 +18,8 @@ use crate::files::read_file;
 /// An alpha channel that leaves out, or one that keeps, no more than this share of the pixels is no
 /// mask: editors and resizers leave such pixels behind, and failed segmentations.
 const MIN_SHARE: f64 = 1e-3;
-/// A photograph that is more transparent than this throughout is a veil over the background; rounding
-/// and dithering of an opaque one stay below.
+/// A photograph that is more transparent than this throughout is a veil over the background;
+/// rounding and dithering of an opaque one stay below.
 const MAX_VEIL: f64 = 0.01;
 
 /// A scene's folder of masks, `masks/`.
@@ -31,8 +31,8 @@ impl Masks {
         Masks(dir.is_dir().then_some(dir))
     }
 
-    /// The mask's file of the photograph `name` (`left/a.jpg`): `left/a.jpg.png`, as COLMAP names
-    /// them, or else `left/a.png`.
+    /// Finds the mask's file of the photograph `name` (`left/a.jpg`): `left/a.jpg.png`, as COLMAP
+    /// names them, or else `left/a.png`.
     pub(crate) fn file(&self, name: &str) -> Option<PathBuf> {
         let dir = self.0.as_ref()?;
         let names = [format!("{name}.png"), format!("{}.png", stem(name))];
@@ -42,7 +42,7 @@ impl Masks {
             .find(|path| path.is_file())
     }
 
-    /// A line for the log where there is the folder, but not a mask for every view.
+    /// Returns a line for the log if there is the folder, but not a mask for every view.
     pub(crate) fn missing<'a>(&self, views: impl Iterator<Item = &'a str>) -> Option<String> {
         self.0.as_ref()?;
         let views: BTreeSet<&str> = views.collect();
@@ -94,7 +94,7 @@ fn read_mask(path: &Path, photograph: (u32, u32)) -> Result<GrayImage> {
     decode().map_err(|e| e.at_path(path))
 }
 
-/// What the alpha channel of a photograph is.
+/// The alpha channel of a photograph, judged.
 enum Alpha {
     /// There is none, or all of it is opaque.
     None,
@@ -103,7 +103,7 @@ enum Alpha {
     Unusable(Unbelieved),
 }
 
-/// Why an alpha channel is not believed.
+/// The reason for which an alpha channel is not believed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Unbelieved {
     /// It leaves next to nothing out.
@@ -113,7 +113,7 @@ pub(super) enum Unbelieved {
 }
 
 impl Unbelieved {
-    /// For the log, of `names`, at least one.
+    /// Returns a line for the log about `names`, at least one.
     pub(crate) fn line(self, names: &[String]) -> String {
         let (what, why) = match self {
             Unbelieved::AlmostOpaque => (
@@ -134,7 +134,7 @@ impl Unbelieved {
     }
 }
 
-/// What the alpha channel of a photograph says.
+/// Tells what the alpha channel of a photograph is.
 fn alpha_mask(photograph: &DynamicImage) -> Alpha {
     if !photograph.color().has_alpha() {
         return Alpha::None;
@@ -166,7 +166,7 @@ pub(super) struct Levels {
     pub window: Option<Option<Window>>,
 }
 
-/// What an alpha channel says where nobody has chosen.
+/// The meaning of an alpha channel that nobody has chosen one for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum AlphaIs {
     /// What it leaves out is the background of a subject.
@@ -176,9 +176,9 @@ pub(super) enum AlphaIs {
 }
 
 impl Levels {
-    /// The mask in the file `path` or else the photograph's alpha channel, at any size; what it
-    /// leaves out is as `wanted`, which leaves what an alpha channel says to `alpha`. Beside it why an
-    /// alpha channel is none.
+    /// Reads the mask in the file `path` or else the photograph's alpha channel, at any size; what
+    /// it leaves out is as `wanted`, which leaves what an alpha channel says to `alpha`. Beside it
+    /// why an alpha channel is none.
     ///
     /// # Errors
     /// What [`read_mask`] refuses.
@@ -236,7 +236,7 @@ impl Levels {
         }
     }
 
-    /// Whether each pixel at the size `target` is at least half bright or opaque.
+    /// Returns whether each pixel at the size `target` is at least half bright or opaque.
     pub(crate) fn mask(&self, target: (u32, u32)) -> Mask {
         let levels = scaled(&self.levels, target);
         Mask {

@@ -1,4 +1,4 @@
-//! Scenes: posed photographs and a point cloud, from disk or built in.
+//! A scene has posed photographs and a point cloud, from disk or built in.
 //!
 #![doc = include_str!("README.md")]
 
@@ -50,7 +50,7 @@ pub use write::{write_cloud, write_model};
 pub struct Scene {
     /// Short name for tables: the folder's name, or `builtin`.
     pub name: String,
-    /// What was taken from where, one line for the log.
+    /// The files that the scene was taken from, one line for the log.
     pub source: String,
     /// Training views, with their photographs.
     pub train: Vec<View>,
@@ -62,7 +62,7 @@ pub struct Scene {
     pub whole_cloud: Option<PointCloud>,
     /// How the test cameras came into the frame of the training cameras.
     pub pose_protocol: PoseProtocol,
-    /// What was dropped or assumed while loading, one line each, for the log.
+    /// Lines for the log that say what was dropped or assumed while loading.
     pub warnings: Vec<String>,
 }
 
@@ -78,15 +78,15 @@ pub struct View {
 }
 
 impl View {
-    /// What training compares renders with: RGBA8, red in the lowest byte; alpha is 255, or 0 where
-    /// a pixel does not count.
+    /// Returns the target image: RGBA8, red in the lowest byte; alpha is 255, or 0 where a pixel
+    /// does not count.
     pub fn goal(&self) -> Vec<u32> {
         let texels = self.image.texels().into_iter().enumerate();
         let counted = texels.map(|(i, texel)| if self.counts(i) { texel } else { 0 });
         counted.collect()
     }
 
-    /// Whether training learns from a pixel, by its index.
+    /// Returns whether training learns from a pixel, by its index.
     pub fn counts(&self, pixel: usize) -> bool {
         let ignored = self
             .mask
@@ -95,20 +95,20 @@ impl View {
         ignored.is_none_or(|mask| mask.set[pixel])
     }
 
-    /// Whether a pixel, by its index, is the photograph's and not left out by its mask.
+    /// Returns whether a pixel, by its index, shows the photograph and is not left out by its mask.
     pub fn shows(&self, pixel: usize) -> bool {
         let mask = self.mask.as_ref();
         mask.is_none_or(|mask| mask.outside == Outside::Kept || mask.set[pixel])
     }
 
-    /// Whether all its pixels count.
+    /// Returns whether training learns from every pixel.
     pub fn counts_whole(&self) -> bool {
         self.mask
             .as_ref()
             .is_none_or(|mask| mask.outside != Outside::Ignored)
     }
 
-    /// Whether the subject stands before the background colour.
+    /// Returns whether the subject stands before the background colour.
     pub fn is_cut_out(&self) -> bool {
         self.mask
             .as_ref()
@@ -116,7 +116,7 @@ impl View {
     }
 }
 
-/// Which pixels of a photograph show the subject.
+/// The pixels of a photograph that show the subject.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mask {
     /// `height * width`, row 0 on top.
@@ -125,7 +125,7 @@ pub struct Mask {
     pub outside: Outside,
 }
 
-/// What the pixels are that a mask leaves out.
+/// The use of the pixels that a mask leaves out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outside {
     /// The photograph's.
@@ -148,7 +148,7 @@ pub struct Image {
 }
 
 impl Image {
-    /// RGBA8 with alpha 255, red in the lowest byte.
+    /// Returns the image as RGBA8 with alpha 255, red in the lowest byte.
     pub fn texels(&self) -> Vec<u32> {
         let pixels = self.rgb.chunks_exact(3);
         pixels
@@ -169,17 +169,17 @@ pub struct PointCloud {
 }
 
 impl PointCloud {
-    /// The number of points.
+    /// Returns the number of points.
     pub fn len(&self) -> usize {
         self.positions.len()
     }
 
-    /// Whether there is no point.
+    /// Returns whether there is no point.
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
     }
 
-    /// A checksum of all that a point has, in its order, the same on every platform.
+    /// Returns a checksum of all that a point has, in its order, the same on every platform.
     pub fn crc32(&self) -> u32 {
         let mut hasher = crc32fast::Hasher::new();
         for position in &self.positions {
@@ -195,8 +195,8 @@ impl PointCloud {
         hasher.finalize()
     }
 
-    /// `clamp(c_i / median(c), 0, 1)` of the confidences `c`, one a point: their scale differs
-    /// between the programs that write them, but half of a cloud counts as sure in all. If
+    /// Returns `clamp(c_i / median(c), 0, 1)` of the confidences `c`, one a point: their scale
+    /// differs between the programs that write them, but half of a cloud counts as sure in all. If
     /// the median is 0, points are sure or not at all.
     pub fn relative_confidence(&self) -> Option<Vec<f64>> {
         let confidence = self.confidence.as_ref().filter(|c| !c.is_empty())?;
@@ -225,19 +225,20 @@ impl PointCloud {
     }
 }
 
-/// What bounds a scene while it is loaded.
+/// Options that bound a scene while it is loaded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
     /// Images wider than this are scaled down to it (3DGS: 1600), unless `max_size` is given.
     pub max_width: u32,
-    /// Bounds the longer side instead.
+    /// Images whose longer side is longer than this are scaled down to it, whatever `max_width`
+    /// says.
     pub max_size: Option<u32>,
     /// Names of the training views; otherwise `split.json`, otherwise the format's own, otherwise
     /// `n_train` uniformly.
     pub train_views: Option<Vec<String>>,
     /// Names of the test views; otherwise `split.json`, otherwise `n_test` uniformly.
     pub test_views: Option<Vec<String>>,
-    /// The cloud to take; None: the scene's own.
+    /// The cloud to take; `None`: the scene's own.
     pub cloud: Option<CloudSource>,
     /// Whether a scene without a usable point is refused; a cloud that is there must be readable.
     pub needs_cloud: bool,
@@ -247,14 +248,14 @@ pub struct LoadOptions {
     pub n_test: usize,
     /// Seed of a random cloud.
     pub seed: u64,
-    /// What the pixels become that a mask leaves out.
+    /// The use of the pixels that a mask leaves out.
     pub outside_mask: OutsideMask,
-    /// RGB in [0, 1], of what they then show.
+    /// Colour of those pixels if they show the background, RGB in [0, 1].
     pub background: [f64; 3],
 }
 
 impl LoadOptions {
-    /// What `config` says, and the scene's own split and cloud.
+    /// Takes what `config` says, with the scene's own split and cloud.
     pub fn new(config: &Config) -> LoadOptions {
         LoadOptions {
             max_width: config.scene.max_width_px,

@@ -1,4 +1,5 @@
-//! Photographs without cameras: found, decoded and turned upright as their EXIF says.
+//! This module finds photographs without cameras, decodes them and turns them upright as their EXIF
+//! says.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -31,13 +32,13 @@ pub struct PhotographFile {
 pub struct Photograph {
     /// The pixels, turned as the EXIF says.
     pub image: Image,
-    /// Whether the pixels on disk lie otherwise.
+    /// Whether the pixels were turned: on disk they lie another way.
     pub turned: bool,
     /// Focal length on 35 mm film, mm, where the EXIF has it.
     pub focal_35mm: Option<f64>,
 }
 
-/// The photographs that are named, in that order; those of a folder by name.
+/// Finds the photographs that are named, in that order, and those of a folder by name.
 ///
 /// # Errors
 /// None at all, a path that is neither a file nor a folder, or two of one name.

@@ -1,4 +1,4 @@
-//! Point clouds as PLY: ASCII and both binary orders.
+//! This module reads point clouds as PLY: ASCII and both binary orders.
 //!
 //! The format is parsed by `ply-rs`, row by row, behind [`read_header`]'s guard; counts that the
 //! file has no room for are refused before they are looped over.
@@ -89,9 +89,9 @@ impl PropertyAccess for Skipped {
     }
 }
 
-/// The cloud in a PLY file's `bytes`: `x y z` (float or double), `red green blue` (uchar, or
-/// float in `[0, 1]`) and, where present, `confidence` (float) of element `vertex`. Other
-/// elements and properties are skipped. Values that are not finite are passed on.
+/// Reads the cloud in a PLY file's `bytes`: `x y z` (float or double), `red green blue` (uchar, or
+/// float in `[0, 1]`) and, where present, `confidence` (float) of element `vertex`. Other elements
+/// and properties are skipped. Values that are not finite are passed on.
 ///
 /// # Errors
 ///
@@ -104,8 +104,8 @@ pub(super) fn read_ply(bytes: &[u8]) -> Result<PointCloud> {
     })
 }
 
-/// The property `view` of element `vertex`, a whole number from 0: which view a point came from.
-/// None where there is none.
+/// Reads the property `view` of element `vertex`, a whole number from 0, which tells the view that
+/// a point came from; `None` if there is no such property.
 ///
 /// # Errors
 ///
@@ -137,7 +137,7 @@ pub(super) fn read_views(bytes: &[u8]) -> Result<Option<Vec<u32>>> {
     })
 }
 
-/// What `read` makes of the rows of element `vertex`, those before which are skipped.
+/// Returns what `read` makes of the rows of element `vertex`; elements before it are skipped.
 fn read_vertex_element<T>(
     bytes: &[u8],
     read: impl FnOnce(&mut Rows, &ElementDef) -> Result<T>,
@@ -318,13 +318,13 @@ impl Rows<'_> {
     }
 }
 
-/// Fewest bytes that a property takes in a binary row.
+/// Returns the fewest bytes that a property takes in a binary row.
 fn min_bytes(data_type: &PropertyType) -> usize {
     let (PropertyType::Scalar(scalar) | PropertyType::List(scalar, _)) = data_type;
     scalar_bytes(scalar)
 }
 
-/// The row in the spelling that `ply-rs` reads, which has no `1E5`, `.5`, `nan` or `inf`:
+/// Returns the row in the spelling that `ply-rs` reads, which has no `1E5`, `.5`, `nan` or `inf`:
 /// values that are not finite become one that overflows to infinity.
 fn plain_numbers(line: &str) -> io::Result<String> {
     let mut plain = String::new();

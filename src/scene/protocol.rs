@@ -1,4 +1,4 @@
-//! How test cameras came to be where they are.
+//! The pose protocol says how test cameras came to be where they are.
 
 use std::fmt;
 

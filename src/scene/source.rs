@@ -1,4 +1,4 @@
-//! What `--scene` and `--cloud` take.
+//! This module parses what `--scene` and `--cloud` take.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -26,7 +26,7 @@ pub enum SceneSource {
 }
 
 impl SceneSource {
-    /// The source with its folder made absolute; a folder that is not there is an error.
+    /// Returns the source with its folder made absolute; a folder that is not there is an error.
     pub fn resolved(self) -> Result<SceneSource> {
         match self {
             SceneSource::Folder(folder) => match folder.canonicalize() {
@@ -43,8 +43,8 @@ impl SceneSource {
         }
     }
 
-    /// The source with the built-in scene's images no wider than `px`; a folder's are scaled
-    /// when they are loaded.
+    /// Returns the source with the built-in scene's images no wider than `px`; a folder's are
+    /// scaled when they are loaded.
     pub fn at_most(self, px: u32) -> SceneSource {
         match self {
             SceneSource::Builtin { width } => SceneSource::Builtin {
@@ -54,7 +54,7 @@ impl SceneSource {
         }
     }
 
-    /// Short name for tables and folders.
+    /// Returns the short name for tables and folders.
     pub fn name(&self) -> String {
         match self {
             SceneSource::Folder(folder) => match folder.file_name() {
@@ -103,7 +103,7 @@ impl fmt::Display for SceneSource {
 /// The source of a cloud other than the scene's own. A file named `random` is `./random`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CloudSource {
-    /// What [`super::read_cloud`] reads.
+    /// A file that [`super::read_cloud`] reads.
     File(PathBuf),
     /// What the first so many views give: of a folder's cloud the points that came from them, if
     /// they say so; of the built-in scene a cloud made from so many views, its training views and,
@@ -115,8 +115,8 @@ pub enum CloudSource {
 }
 
 impl CloudSource {
-    /// The source with its file made absolute: one in the scene's folder or beside its model,
-    /// else a path.
+    /// Returns the source with its file made absolute: one in the scene's folder or beside its
+    /// model, else a path.
     ///
     /// # Errors
     /// No such file; a cloud that this scene cannot have.
@@ -185,7 +185,7 @@ impl fmt::Display for CloudSource {
     }
 }
 
-/// The folder beside it that `dir` may have been meant as.
+/// Finds the folder beside `dir` that may have been meant.
 fn near_folder(dir: &Path) -> Option<String> {
     let name = dir.file_name()?.to_str()?;
     let parent = dir.parent().filter(|parent| *parent != Path::new(""));

@@ -1,4 +1,4 @@
-//! Which views are trained on and which are tested.
+//! The split decides which views are trained on and which are tested.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -31,11 +31,11 @@ struct SplitFile {
     test: Option<Vec<String>>,
 }
 
-/// Training views are those of `options.train_views`, else of `split.json`, else of the
-/// format's `own` split, else `n_train` uniformly over the sorted names, the ends among them; where
-/// the sequence closes, uniformly around it, since its first and last view are neighbours. Test views are those of
-/// `options.test_views`, else of `split.json` or else `own`, else up to `n_test` uniformly over
-/// the sorted names of the rest (the paper's protocol).
+/// Chooses the views. Training views are those of `options.train_views`, else of `split.json`, else
+/// of the format's `own` split, else `n_train` uniformly over the sorted names, the ends among
+/// them; where the sequence closes, uniformly around it, since its first and last view are
+/// neighbours. Test views are those of `options.test_views`, else of `split.json` or else `own`,
+/// else up to `n_test` uniformly over the sorted names of the rest (the paper's protocol).
 ///
 /// # Errors
 ///
@@ -116,8 +116,8 @@ pub(super) fn choose(
 /// Most pieces of a list that one name with commas is put together from.
 const MAX_PIECES: usize = 8;
 
-/// The names of a list that was parted at its commas, of which names may have some themselves: each
-/// is the longest run of pieces that is known, or else a piece.
+/// Returns the names of a list that was parted at its commas, of which names may have some
+/// themselves: each is the longest run of pieces that is known, or else a piece.
 fn joined(pieces: &[String], is_known: impl Fn(&str) -> bool) -> Vec<String> {
     let mut names = Vec::with_capacity(pieces.len());
     let mut rest = pieces;
@@ -223,7 +223,7 @@ fn training_views(
     named_views(names, "training", matched, error)
 }
 
-/// The views named, all of which must be usable; `error` decides whose fault it is if not.
+/// Finds the views named, all of which must be usable; `error` decides whose fault it is if not.
 fn named_views(
     names: &[String],
     role: &str,
@@ -251,7 +251,7 @@ fn named_views(
     Ok(chosen)
 }
 
-/// The views named in the file `place` that can be used.
+/// Finds the views named in the file `place` that can be used.
 fn test_views(
     names: &[String],
     place: &str,
@@ -285,7 +285,7 @@ fn test_views(
     chosen
 }
 
-/// Indices of the views that are not in `without`, by their names' byte order.
+/// Returns the indices of the views that are not in `without`, by their names' byte order.
 fn sorted_by_name(matched: &Matched, without: &[usize]) -> Vec<usize> {
     let mut rest: Vec<usize> = (0..matched.views.len())
         .filter(|i| !without.contains(i))
@@ -297,7 +297,7 @@ fn sorted_by_name(matched: &Matched, without: &[usize]) -> Vec<usize> {
     rest
 }
 
-/// `n` of `items` at the indices `round(i (N - 1) / (n - 1))`, all where there are no more.
+/// Returns `n` of `items` at the indices `round(i (N - 1) / (n - 1))`, all where there are no more.
 pub(super) fn uniform<T: Clone>(items: &[T], n: usize) -> Vec<T> {
     if n >= items.len() {
         return items.to_vec();
@@ -312,7 +312,7 @@ pub(super) fn uniform<T: Clone>(items: &[T], n: usize) -> Vec<T> {
         .collect()
 }
 
-/// `n` of `items` in a circle at the indices `floor(i N / n)`, all where there are no more.
+/// Returns `n` of `items` in a circle at the indices `floor(i N / n)`, all where there are no more.
 fn around<T: Clone>(items: &[T], n: usize) -> Vec<T> {
     if n >= items.len() {
         return items.to_vec();
@@ -320,7 +320,8 @@ fn around<T: Clone>(items: &[T], n: usize) -> Vec<T> {
     (0..n).map(|i| items[i * items.len() / n].clone()).collect()
 }
 
-/// Whether a sequence of camera centres is a closed loop: its last camera is a neighbour of its first.
+/// Returns whether a sequence of camera centres is a closed loop: its last camera is a neighbour of
+/// its first.
 ///
 /// That is, the step between them is at most twice the median step of the sequence, and the median
 /// step at most 0.4 of the sequence's diameter, as in a circle of 8 or more: in photographs without

@@ -1,4 +1,4 @@
-//! A stamp of a scene's files, to tell whether what was measured is still what is there.
+//! A stamp of a scene's files tells whether what was measured is still what is there.
 
 use std::fs::Metadata;
 use std::path::Path;
@@ -10,7 +10,7 @@ use crate::files::digest::sha256;
 
 impl SceneSource {
     /// Names the state of the scene's files, and of the cloud's where it is not the scene's own:
-    /// every file's path, size and time of change, in hex. None where they cannot be read, as on
+    /// every file's path, size and time of change, in hex. `None` if they cannot be read, as on
     /// another machine. The built-in scene is stamped with its size; what else it is made of is
     /// the program's version.
     pub fn stamp(&self, cloud: Option<&CloudSource>) -> Option<String> {
@@ -26,8 +26,8 @@ impl SceneSource {
     }
 }
 
-/// Appends a line for every file below `dir`, sorted; links to folders are not followed. Runs that lie
-/// within are left out: no scene reads them, and they change at every evaluation.
+/// Appends a line for every file below `dir`, sorted; links to folders are not followed. Runs that
+/// lie within are left out: no scene reads them, and they change at every evaluation.
 fn list(dir: &Path, prefix: &str, listing: &mut String) -> std::io::Result<()> {
     let mut entries = std::fs::read_dir(dir)?.collect::<Result<Vec<_>, _>>()?;
     entries.sort_by_key(std::fs::DirEntry::file_name);

@@ -1,4 +1,4 @@
-//! Images seen through a lens to images of a pinhole camera.
+//! This module turns images seen through a lens into images of a pinhole camera.
 
 use glam::DVec2;
 use image::{ImageBuffer, Pixel};
@@ -7,7 +7,7 @@ use super::lens::{Distortion, pinhole, shown};
 use crate::camera::Camera;
 use crate::error::Result;
 
-/// What the pinhole image of a fisheye photograph shows.
+/// The part of a fisheye photograph that its pinhole image shows.
 pub(super) struct Cut {
     /// Angle across its width and height, degrees.
     pub angles: [f64; 2],
@@ -15,7 +15,7 @@ pub(super) struct Cut {
     pub shown: f64,
 }
 
-/// What takes a photograph by `camera` through its lens to one by `pinhole`.
+/// The map from a photograph by `camera` through its lens to one by `pinhole`.
 pub(super) struct Undistortion {
     camera: Camera,
     distortion: Distortion,
@@ -23,7 +23,7 @@ pub(super) struct Undistortion {
 }
 
 impl Undistortion {
-    /// For photographs of the size that `camera` has.
+    /// Makes the undistortion of photographs of the size that `camera` has.
     ///
     /// # Errors
     ///
@@ -36,7 +36,7 @@ impl Undistortion {
         })
     }
 
-    /// What the pinhole image shows of the photograph.
+    /// Returns what the pinhole image shows of the photograph.
     pub(crate) fn cut(&self) -> Cut {
         let Camera { fx, fy, cx, cy, .. } = self.pinhole;
         let angle = |side: u32, center: f64, focal: f64| {
@@ -82,7 +82,8 @@ impl Undistortion {
     }
 }
 
-/// The pixel at a point of an image of at most four channels; pixel centres lie at +0.5.
+/// Interpolates the pixel at a point of an image of at most four channels; pixel centres lie at
+/// +0.5.
 fn sample<P: Pixel<Subpixel = u8>>(image: &ImageBuffer<P, Vec<u8>>, u: f64, v: f64) -> P {
     let (columns, x_weights) = taps(u, image.width());
     let (rows, y_weights) = taps(v, image.height());
@@ -100,7 +101,7 @@ fn sample<P: Pixel<Subpixel = u8>>(image: &ImageBuffer<P, Vec<u8>>, u: f64, v: f
     *P::from_slice(&rounded[..usize::from(P::CHANNEL_COUNT)])
 }
 
-/// The four pixels around a coordinate, kept within the image, and their weights.
+/// Returns the four pixels around a coordinate, kept within the image, and their weights.
 fn taps(at: f64, size: u32) -> ([u32; 4], [f64; 4]) {
     let last = f64::from(size) - 1.0;
     let at = (at - 0.5).clamp(0.0, last);

@@ -1,9 +1,9 @@
-//! Alpha channels that are a window onto the photograph and not a subject that is cut out of it: rounded
-//! corners, the circle of a lens, the border that undistorting or turning an image leaves.
+//! An alpha channel may be a window onto the photograph and not a subject that is cut out of it:
+//! rounded corners, the circle of a lens, the border that undistorting or turning an image leaves.
 //!
-//! A window has no dents: what is opaque has no gap in any row or column, fills its bounding box at least as an
-//! ellipse does, and reaches across the image. And it is the same in every photograph, since it is the camera's or a program's; a subject looks
-//! different from everywhere.
+//! A window has no dents: what is opaque has no gap in any row or column, fills its bounding box at
+//! least as an ellipse does, and reaches across the image. And it is the same in every photograph,
+//! since it is the camera's or a program's; a subject looks different from everywhere.
 
 use image::GrayImage;
 
@@ -23,7 +23,7 @@ const MIN_OPACITY: f64 = 0.98;
 /// Windows are the same where their sides are as near as this, in shares of the image's.
 const SAME: f64 = 0.05;
 
-/// What is opaque, as shares of the image's sides.
+/// The opaque part, as shares of the image's sides.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Window {
     left: f64,
@@ -65,7 +65,7 @@ impl Window {
         })
     }
 
-    /// Whether there are alpha channels, all of them windows, and the same one.
+    /// Returns whether there are alpha channels and all of them are the same window.
     pub(crate) fn are_one(windows: &[Option<Window>]) -> bool {
         let same = |a: &Window, b: &Window| {
             let sides = |w: &Window| [w.left, w.right, w.top, w.bottom, w.fill];
@@ -77,7 +77,7 @@ impl Window {
     }
 }
 
-/// What is opaque in a row or a column of pixels.
+/// The opaque pixels of a row or a column.
 #[derive(Clone, Copy, Debug, Default)]
 struct Line {
     first: u32,
@@ -95,13 +95,13 @@ impl Line {
         self.n += 1;
     }
 
-    /// Number of transparent pixels between opaque ones.
+    /// Returns the number of transparent pixels between opaque ones.
     fn gaps(&self) -> u64 {
         u64::from(self.end - self.first - self.n)
     }
 }
 
-/// The first line that holds something, and one past the last.
+/// Returns the first line that holds something, and one past the last.
 fn bounds(lines: &[Line]) -> (u32, u32) {
     let first = lines.iter().position(|line| line.n > 0).unwrap_or(0);
     let end = lines

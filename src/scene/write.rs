@@ -1,4 +1,4 @@
-//! A scene folder in the program's own layout.
+//! This module writes a scene folder in the program's own layout.
 
 use std::fmt::Write as _;
 use std::path::Path;

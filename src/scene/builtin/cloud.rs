@@ -1,4 +1,4 @@
-//! The point cloud: exact depth of the training views, worsened in the ways of DUSt3R's.
+//! The point cloud has the exact depth of the training views, worsened in the ways of DUSt3R's.
 
 use std::f64::consts::PI;
 
@@ -55,7 +55,8 @@ impl Default for Imperfections {
     }
 }
 
-/// What a random number is for; keeps the choices of one imperfection from those of another.
+/// The purpose of a random number, which keeps the choices of one imperfection from those of
+/// another.
 #[derive(Clone, Copy)]
 enum Purpose {
     Bias,
@@ -76,15 +77,15 @@ struct Dice {
 }
 
 impl Dice {
-    /// In `[0, 1)`, the same for the same arguments.
+    /// Draws a number in `[0, 1)`, the same for the same arguments.
     fn roll(self, purpose: Purpose, index: usize) -> f64 {
         let stream = (self.view as i64) << 8 | purpose as i64;
         random([self.seed as i64, stream, index as i64])
     }
 }
 
-/// The cloud of these views: one point for every `pixel_step`-th pixel in x and y (0 counts as
-/// 1), view by view and row by row, coloured by the view's image.
+/// Makes the cloud of these views: one point for every `pixel_step`-th pixel in x and y (0 counts
+/// as 1), view by view and row by row, coloured by the view's image.
 pub fn point_cloud(
     cameras: &[Camera],
     traced: &[Traced],
@@ -148,14 +149,14 @@ pub fn point_cloud(
     cloud
 }
 
-/// Whether depth jumps between a pixel and one of its four neighbours: another surface, and a
-/// depth that differs by more than 2%.
+/// Returns whether depth jumps between a pixel and one of its four neighbours: another surface, and
+/// a depth that differs by more than 2%.
 pub fn is_depth_edge(traced: &Traced, x: u32, y: u32) -> bool {
     let width = traced.image.width as usize;
     across_edge(traced, width, x as usize, y as usize).is_some()
 }
 
-/// Depth on the other side of the widest depth edge at a pixel.
+/// Returns the depth on the other side of the widest depth edge at a pixel.
 fn across_edge(traced: &Traced, width: usize, x: usize, y: usize) -> Option<f64> {
     const MIN_JUMP: f64 = 0.02;
     let i = y * width + x;
@@ -178,8 +179,8 @@ fn across_edge(traced: &Traced, width: usize, x: usize, y: usize) -> Option<f64>
     widest
 }
 
-/// How well a stereo network would know this pixel, in `[0, 1]`: less at grazing angles and far
-/// away, next to nothing on the backdrop.
+/// Returns how well a stereo network would know this pixel, in `[0, 1]`: less at grazing angles and
+/// far away, next to nothing on the backdrop.
 fn trust(camera: &Camera, traced: &Traced, i: usize, at_unit_depth: DVec3) -> f64 {
     let ray = (at_unit_depth - camera.center()).normalize();
     let facing = smoothstep(0.02, 0.5, -traced.normal[i].dot(ray));
@@ -218,7 +219,7 @@ impl DepthBias {
         }
     }
 
-    /// What depth is multiplied by at `(u, v)` in the unit square.
+    /// Returns the factor of the depth at `(u, v)` in the unit square.
     fn factor(&self, u: f64, v: f64) -> f64 {
         let mut factor = 1.0;
         for (j, row) in self.coefficients.iter().enumerate() {
@@ -230,8 +231,8 @@ impl DepthBias {
     }
 }
 
-/// Which pixels lie in holes: the `share` of the pixels off the backdrop that rank highest in a
-/// smooth random field, raised where the image is plain and where the view is grazing.
+/// Returns which pixels lie in holes: the `share` of the pixels off the backdrop that rank highest
+/// in a smooth random field, raised where the image is plain and where the view is grazing.
 fn holes(camera: &Camera, traced: &Traced, share: f64, dice: Dice) -> Vec<bool> {
     let width = camera.width as usize;
     let contrast = Contrast::new(&traced.image);
@@ -299,7 +300,7 @@ impl Contrast {
         }
     }
 
-    /// At a point of the image, pixels.
+    /// Returns the contrast at a point of the image, pixels.
     fn at(&self, p: DVec2) -> f64 {
         let rows = self.deviation.len() / self.columns;
         let last = DVec2::new(self.columns as f64 - 1.0, rows as f64 - 1.0);

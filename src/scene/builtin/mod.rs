@@ -1,4 +1,4 @@
-//! The built-in scene: a still life that the program ray-traces itself, at any size, with exact
+//! The built-in scene is a still life that the program ray-traces itself, at any size, with exact
 //! geometry and a cloud like DUSt3R's.
 //!
 //! World frame: z up, unit of length about half the arrangement's height, floor at `z = 0`,
@@ -31,10 +31,10 @@ pub const WIDTHS: RangeInclusive<u32> = 16..=4096;
 /// Numbers of views that the cloud can be made from.
 pub const CLOUD_VIEWS: RangeInclusive<usize> = 1..=8;
 
-/// What every camera of the scene looks at, give or take a little.
+/// The point that every camera of the scene looks at, give or take a little.
 pub const CENTER: DVec3 = DVec3::new(0.0, 0.0, 0.3);
 
-/// What the built-in scene is made with.
+/// Options that the built-in scene is made with.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BuiltinOptions {
     /// Image width, pixels, within [`WIDTHS`] (others are clamped, with a warning); the height
@@ -50,7 +50,7 @@ pub struct BuiltinOptions {
     /// The cloud has a point for every so-many-th pixel of its views, in x and in y;
     /// at 1, the density of DUSt3R, it has about as many points as there are training pixels.
     pub pixel_step: u32,
-    /// How the cloud errs, as a network's does.
+    /// Errors of the cloud, like those of a network's cloud.
     pub imperfections: Imperfections,
 }
 
@@ -132,7 +132,7 @@ const RING: [(f64, f64, f64, DVec3); 4] = [
     (154.0, 29.0, 3.8, DVec3::new(-0.03, -0.05, 0.0)),
 ];
 
-/// The 4 training cameras for images of this width: azimuth gaps of 62 to 118 degrees,
+/// Returns the 4 training cameras for images of this width: azimuth gaps of 62 to 118 degrees,
 /// elevations of 18 to 36.
 pub fn train_cameras(width: u32) -> Vec<Camera> {
     let camera = |(i, (azimuth, elevation, distance, aim)): (usize, (f64, f64, f64, DVec3))| {
@@ -149,8 +149,8 @@ pub fn train_cameras(width: u32) -> Vec<Camera> {
     RING.into_iter().enumerate().map(camera).collect()
 }
 
-/// Midway between neighbours of the ring: what a cloud of more views than the training views
-/// sees besides.
+/// Returns cameras midway between neighbours of the ring, which a cloud of more views than the
+/// training views sees besides.
 fn cameras_between(width: u32) -> Vec<Camera> {
     let between = |i: usize| {
         let (a, b) = (RING[i], RING[(i + 1) % RING.len()]);
@@ -167,7 +167,7 @@ fn cameras_between(width: u32) -> Vec<Camera> {
     (0..RING.len()).map(between).collect()
 }
 
-/// `n` test cameras, even in area between 5 and 75 degrees of elevation, at the training
+/// Returns `n` test cameras, even in area between 5 and 75 degrees of elevation, at the training
 /// cameras' distances, looking at [`CENTER`].
 pub fn test_cameras(width: u32, n: usize) -> Vec<Camera> {
     // 1 / golden ratio: azimuths of a Fibonacci lattice.
@@ -192,7 +192,8 @@ pub fn test_cameras(width: u32, n: usize) -> Vec<Camera> {
         .collect()
 }
 
-/// A camera that looks at `CENTER + aim` from a place around [`CENTER`] (radians, world units).
+/// Returns a camera that looks at `CENTER + aim` from a place around [`CENTER`] (radians, world
+/// units).
 fn around(
     width: u32,
     name: String,

@@ -1,15 +1,15 @@
-//! Stateless randomness: the same key gives the same number, on any thread.
+//! Randomness is stateless here: the same key gives the same number, on any thread.
 
 use glam::DVec3;
 
-/// A well-mixed 64-bit hash of a key (the finaliser of SplitMix64, Steele et al. 2014).
+/// Returns a well-mixed 64-bit hash of a key (the finaliser of SplitMix64, Steele et al. 2014).
 fn mix(mut x: u64) -> u64 {
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     x ^ (x >> 31)
 }
 
-/// A number in `[0, 1)` that belongs to this key.
+/// Returns a number in `[0, 1)` that belongs to this key.
 pub(super) fn random(key: [i64; 3]) -> f64 {
     let mut h = 0x9e37_79b9_7f4a_7c15_u64;
     for part in key {
@@ -20,7 +20,7 @@ pub(super) fn random(key: [i64; 3]) -> f64 {
     (h >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
 }
 
-/// Smooth noise in `[0, 1]` with one cell a unit: random values on the integer lattice,
+/// Returns smooth noise in `[0, 1]` with one cell a unit: random values on the integer lattice,
 /// interpolated.
 pub(super) fn value_noise(p: DVec3) -> f64 {
     let (x, y, z) = (floor(p.x), floor(p.y), floor(p.z));
@@ -44,13 +44,14 @@ pub(super) fn value_noise(p: DVec3) -> f64 {
     )
 }
 
-/// `x.floor() as i64` without the library call that targets lacking SSE 4.1 make of it.
+/// Returns `x.floor() as i64` without the library call that targets lacking SSE 4.1 make of it.
 fn floor(x: f64) -> i64 {
     let truncated = x as i64;
     truncated - i64::from(truncated as f64 > x)
 }
 
-/// Noise in `[0, 1]` with detail at `octaves` scales, each half as large and half as strong.
+/// Returns noise in `[0, 1]` with detail at `octaves` scales, each half as large and half as
+/// strong.
 pub(super) fn fractal_noise(p: DVec3, octaves: u32) -> f64 {
     let (mut sum, mut weight, mut total) = (0.0, 1.0, 0.0);
     let mut q = p;
@@ -68,7 +69,7 @@ pub(super) fn lerp(a: f64, b: f64, w: f64) -> f64 {
     a + (b - a) * w
 }
 
-/// 0 below `low`, 1 above `high`, smooth between.
+/// Returns 0 below `low`, 1 above `high`, smooth between.
 pub(super) fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)

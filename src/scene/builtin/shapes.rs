@@ -1,4 +1,4 @@
-//! Solids as exact signed distances, and where rays meet them.
+//! This module has solids as exact signed distances, and finds where rays meet them.
 
 use glam::{DMat3, DVec2, DVec3};
 
@@ -34,7 +34,8 @@ pub(super) enum Shape {
 }
 
 impl Shape {
-    /// Signed distance to the surface (negative inside) and its gradient, the outward normal.
+    /// Returns the signed distance to the surface (negative inside) and its gradient, the outward
+    /// normal.
     #[inline(always)]
     fn distance(&self, p: DVec3) -> (f64, DVec3) {
         match *self {
@@ -90,7 +91,7 @@ impl Shape {
         }
     }
 
-    /// Half the size of the box around the solid.
+    /// Returns half the size of the box around the solid.
     fn half_extent(&self) -> DVec3 {
         match *self {
             Shape::Sphere { radius } => DVec3::splat(radius),
@@ -109,7 +110,7 @@ impl Shape {
         }
     }
 
-    /// Radius of a sphere around the origin that holds the solid.
+    /// Returns the radius of a sphere around the origin that holds the solid.
     fn bounding_radius(&self) -> f64 {
         match *self {
             Shape::Frustum {
@@ -125,8 +126,8 @@ impl Shape {
     }
 }
 
-/// Signed distance and gradient in the half plane (rho, z) of the trapezoid with half height `h`,
-/// radius `bottom` at `-h` and `top` at `h`.
+/// Returns the signed distance and gradient in the half plane (rho, z) of the trapezoid with half
+/// height `h`, radius `bottom` at `-h` and `top` at `h`.
 fn trapezoid(p: DVec2, bottom: f64, top: f64, h: f64) -> (f64, DVec2) {
     let beyond_end = p.y.abs() - h;
     let end_normal = DVec2::new(0.0, 1f64.copysign(p.y));
@@ -183,23 +184,23 @@ impl Solid {
         }
     }
 
-    /// A world point in the solid's own frame.
+    /// Returns a world point in the solid's own frame.
     pub(super) fn to_local(self, p: DVec3) -> DVec3 {
         self.rotation.transpose() * (p - self.position)
     }
 
-    /// Signed distance from a world point to the surface, negative inside.
+    /// Returns the signed distance from a world point to the surface, negative inside.
     pub(super) fn distance(&self, p: DVec3) -> f64 {
         self.shape.distance(self.to_local(p)).0
     }
 
-    /// Outward unit normal at a world point of the surface.
+    /// Returns the outward unit normal at a world point of the surface.
     pub(super) fn normal(&self, p: DVec3) -> DVec3 {
         self.rotation * self.shape.distance(self.to_local(p)).1
     }
 
-    /// Whether a ray from `apex` within the angle with this cosine and sine around the unit `axis`
-    /// may meet the solid; may say yes too often.
+    /// Returns whether a ray from `apex` within the angle with this cosine and sine around the unit
+    /// `axis` may meet the solid; may say yes too often.
     pub(super) fn may_be_in_cone(&self, apex: DVec3, axis: DVec3, cos: f64, sin: f64) -> bool {
         let to_center = self.position - apex;
         let along = to_center.dot(axis);
@@ -208,14 +209,14 @@ impl Solid {
         off * cos - along * sin <= self.bounding_radius
     }
 
-    /// Whether nothing of the solid is within `reach` of `p`; may say no too often.
+    /// Returns whether nothing of the solid is within `reach` of `p`; may say no too often.
     pub(super) fn is_beyond(&self, p: DVec3, reach: f64) -> bool {
         let limit = self.bounding_radius + reach;
         self.position.distance_squared(p) > limit * limit
     }
 
-    /// First `t` in `0..t_max` at which `origin + t * direction` (unit) meets the surface from
-    /// outside.
+    /// Returns the first `t` in `0..t_max` at which `origin + t * direction` (unit) meets the
+    /// surface from outside.
     pub(super) fn hit(&self, origin: DVec3, direction: DVec3, t_max: f64) -> Option<f64> {
         let to_center = self.position - origin;
         let t_center = to_center.dot(direction);
@@ -248,8 +249,8 @@ impl Solid {
         (t < t_max).then_some(t)
     }
 
-    /// The distance to a convex solid is convex along a ray, so Newton's steps from outside
-    /// never pass the surface, and a rising distance means a miss.
+    /// Finds the hit by Newton's method. The distance to a convex solid is convex along a ray, so
+    /// Newton's steps from outside never pass the surface, and a rising distance means a miss.
     fn hit_by_newton(&self, o: DVec3, d: DVec3, start: f64, end: f64) -> Option<f64> {
         let mut t = start;
         for _ in 0..64 {
@@ -295,7 +296,7 @@ impl Solid {
         None
     }
 
-    /// How far the solid stays clear of the ray from `p` towards a light: the least
+    /// Returns how far the solid stays clear of the ray from `p` towards a light: the least
     /// `distance / t`, about the tangent of the angle between the light and the silhouette;
     /// negative where the ray enters. `None` where it is certainly above `wide`.
     pub(super) fn clearance(&self, p: DVec3, to_light: DVec3, wide: f64) -> Option<f64> {
@@ -341,7 +342,7 @@ impl Solid {
     }
 }
 
-/// Least value of a unimodal function over `low..high` by golden-section search.
+/// Returns the least value of a unimodal function over `low..high` by golden-section search.
 fn golden_minimum(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let mut a = high - GOLDEN * (high - low);

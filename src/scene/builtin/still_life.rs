@@ -1,4 +1,5 @@
-//! What stands where: the objects, the light, and the distance to the nearest surface.
+//! This module says what stands where: the objects, the light, and the distance to the nearest
+//! surface.
 
 use std::f64::consts::FRAC_PI_2;
 use std::sync::LazyLock;
@@ -28,7 +29,7 @@ pub(super) struct Body {
     gloss: f64,
 }
 
-/// What a ray meets first.
+/// The surface that a ray meets first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Surface {
     Dome,
@@ -37,7 +38,7 @@ pub(super) enum Surface {
     Body(usize),
 }
 
-/// What falls on a surface, each in `[0, 1]`.
+/// The light that falls on a surface, each part in `[0, 1]`.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Light {
     /// Share of the sky that is not occluded.
@@ -218,16 +219,16 @@ impl StillLife {
         }
     }
 
-    /// Indices of the bodies that rays from `apex` within the angle with this cosine around the
-    /// unit `axis` may meet.
+    /// Returns the indices of the bodies that rays from `apex` within the angle with this cosine
+    /// around the unit `axis` may meet.
     pub(super) fn bodies_in_cone(&self, apex: DVec3, axis: DVec3, cos: f64) -> Vec<usize> {
         let sin = (1.0 - cos * cos).max(0.0).sqrt();
         let may_meet = |&i: &usize| self.bodies[i].solid.may_be_in_cone(apex, axis, cos, sin);
         (0..self.bodies.len()).filter(may_meet).collect()
     }
 
-    /// Distance along the unit `direction` from `origin` (inside the dome, above the floor,
-    /// outside every body) to the first surface, and that surface. The scene is closed. Only
+    /// Returns the distance along the unit `direction` from `origin` (inside the dome, above the
+    /// floor, outside every body) to the first surface, and that surface. The scene is closed. Only
     /// the bodies `among` these are tried.
     pub(super) fn first_hit(
         &self,
@@ -252,7 +253,7 @@ impl StillLife {
         hit
     }
 
-    /// Unit normal of a surface at one of its points, towards the inside of the scene.
+    /// Returns the unit normal of a surface at one of its points, towards the inside of the scene.
     pub(super) fn normal(&self, surface: Surface, p: DVec3) -> DVec3 {
         match surface {
             Surface::Dome => -p / DOME_RADIUS,
@@ -261,8 +262,8 @@ impl StillLife {
         }
     }
 
-    /// Signed distance from `p` to the nearest surface; negative inside a body, below the floor
-    /// and beyond the dome.
+    /// Returns the signed distance from `p` to the nearest surface; negative inside a body, below
+    /// the floor and beyond the dome.
     pub(super) fn distance(&self, p: DVec3) -> f64 {
         let shell = p.z.min(DOME_RADIUS - p.length());
         self.bodies
@@ -271,7 +272,7 @@ impl StillLife {
             .fold(shell, f64::min)
     }
 
-    /// What falls on a point of a surface.
+    /// Returns the light that falls on a point of a surface.
     pub(super) fn light(&self, surface: Surface, p: DVec3) -> Light {
         // The backdrop shines by itself.
         if surface == Surface::Dome {
@@ -289,7 +290,8 @@ impl StillLife {
         }
     }
 
-    /// Linear colour at a point of a surface under `light`, seen along the unit `direction`.
+    /// Returns the linear colour at a point of a surface under `light`, seen along the unit
+    /// `direction`.
     pub(super) fn radiance(
         &self,
         surface: Surface,
@@ -317,7 +319,7 @@ impl StillLife {
         }
     }
 
-    /// Lambert under sun and sky, with a Blinn-Phong highlight.
+    /// Reflects light by Lambert under sun and sky, with a Blinn-Phong highlight.
     fn reflected(
         &self,
         albedo: DVec3,
@@ -334,7 +336,7 @@ impl StillLife {
         albedo * (ambient + sun) + sun * highlight
     }
 
-    /// Share of the sun's disc that a point sees.
+    /// Returns the share of the sun's disc that a point sees.
     fn sun_visibility(&self, surface: Surface, p: DVec3) -> f64 {
         let mut visible = 1.0;
         for (i, body) in self.bodies.iter().enumerate() {
@@ -351,7 +353,8 @@ impl StillLife {
         visible
     }
 
-    /// Ambient occlusion: how far bodies and floor stay off two points above the surface.
+    /// Returns the ambient occlusion: how far bodies and floor stay off two points above the
+    /// surface.
     fn openness(&self, surface: Surface, p: DVec3, normal: DVec3) -> f64 {
         const TAPS: [(f64, f64); 2] = [(0.07, 0.45), (0.30, 0.55)];
         let mut open = 1.0;

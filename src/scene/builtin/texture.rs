@@ -1,4 +1,4 @@
-//! Procedural surface colours with detail at several scales.
+//! This module has procedural surface colours with detail at several scales.
 
 use std::f64::consts::{PI, TAU};
 
@@ -42,7 +42,7 @@ pub(super) enum Texture {
     Backdrop,
 }
 
-/// Linear colour of an sRGB triple, by the gamma of 2 that rendering uses throughout.
+/// Returns the linear colour of an sRGB triple, by the gamma of 2 that rendering uses throughout.
 pub(super) const fn color(r: u8, g: u8, b: u8) -> DVec3 {
     const fn linear(v: u8) -> f64 {
         (v as f64 / 255.0) * (v as f64 / 255.0)
@@ -58,7 +58,7 @@ const OCHRE: DVec3 = color(224, 164, 62);
 const INK: DVec3 = color(36, 34, 40);
 
 impl Texture {
-    /// Linear colour in `[0, 1]` at a point of the surface, in the solid's frame.
+    /// Returns the linear colour in `[0, 1]` at a point of the surface, in the solid's frame.
     pub(super) fn albedo(&self, p: DVec3) -> DVec3 {
         match *self {
             Texture::Planks => planks(p),
@@ -79,13 +79,13 @@ impl Texture {
     }
 }
 
-/// 1 within `half_width` of an integer, 0 elsewhere, with a soft border.
+/// Returns 1 within `half_width` of an integer, 0 elsewhere, with a soft border.
 fn line(x: f64, half_width: f64) -> f64 {
     let off = (x - x.round()).abs();
     1.0 - smoothstep(half_width * 0.7, half_width * 1.3, off)
 }
 
-/// How far a floor point has faded into the backdrop, in `[0, 1]`: no hard horizon.
+/// Returns how far a floor point has faded into the backdrop, in `[0, 1]`: no hard horizon.
 pub(super) fn floor_fade(p: DVec3) -> f64 {
     smoothstep(4.0, 9.0, DVec2::new(p.x, p.y).length())
 }
@@ -111,7 +111,7 @@ fn planks(p: DVec3) -> DVec3 {
     wood * (1.0 - 0.75 * gap) * (1.0 - 0.3 * knot)
 }
 
-/// Colour where floor and backdrop meet, in the direction `azimuth`.
+/// Returns the colour where floor and backdrop meet, in the direction `azimuth`.
 pub(super) fn horizon(azimuth: f64) -> DVec3 {
     let warm = 0.5 + 0.5 * (azimuth - 0.7).cos();
     color(176, 178, 190).lerp(color(214, 196, 174), warm)

@@ -1,4 +1,4 @@
-//! Ray tracing: images and the exact truth behind each pixel.
+//! This module traces rays: images and the exact truth behind each pixel.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -18,7 +18,7 @@ const SAMPLES: [DVec2; 4] = [
 /// Pixels of a row whose rays are tried against the same bodies.
 const SPAN: usize = 16;
 
-/// Which surface a ray met first.
+/// The surface that a ray met first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Hit {
     /// The dome around everything.
@@ -33,7 +33,7 @@ pub enum Hit {
 /// pixel's centre; `height * width` entries each, row 0 on top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Traced {
-    /// What [`render`] makes of the same camera.
+    /// The image that [`render`] makes of the same camera.
     pub image: Image,
     /// Camera z of the first hit, world units. Always finite: the scene is closed.
     pub depth: Vec<f64>,
@@ -43,12 +43,12 @@ pub struct Traced {
     pub hit: Vec<Hit>,
 }
 
-/// The point at camera depth `z` behind the image point `(u, v)`, in the world.
+/// Returns the point at camera depth `z` behind the image point `(u, v)`, in the world.
 pub fn unproject(camera: &Camera, u: f64, v: f64, z: f64) -> DVec3 {
     camera.center() + ray(camera, u, v) * z
 }
 
-/// World direction through an image point, with camera z = 1.
+/// Returns the world direction through an image point, with camera z = 1.
 fn ray(camera: &Camera, u: f64, v: f64) -> DVec3 {
     let in_camera = DVec3::new(
         (u - camera.cx) / camera.fx,
@@ -58,13 +58,13 @@ fn ray(camera: &Camera, u: f64, v: f64) -> DVec3 {
     camera.rotation.transpose() * in_camera
 }
 
-/// Signed distance from a world point to the nearest surface: positive in free space, negative
-/// inside objects, below the floor and beyond the dome.
+/// Returns the signed distance from a world point to the nearest surface: positive in free space,
+/// negative inside objects, below the floor and beyond the dome.
 pub fn surface_distance(p: DVec3) -> f64 {
     STILL_LIFE.distance(p)
 }
 
-/// The image of a camera, which must lie in free space ([`surface_distance`] > 0).
+/// Renders the image of a camera, which must lie in free space ([`surface_distance`] > 0).
 pub fn render(camera: &Camera) -> Image {
     let row_bytes = camera.width as usize * 3;
     let mut rgb = vec![0u8; row_bytes * camera.height as usize];
@@ -86,7 +86,7 @@ pub fn render(camera: &Camera) -> Image {
     }
 }
 
-/// The bodies that may show in the pixels `x0..x1` of row `y`.
+/// Returns the bodies that may show in the pixels `x0..x1` of row `y`.
 fn bodies_behind(camera: &Camera, x0: usize, x1: usize, y: usize) -> Vec<usize> {
     let (left, right) = (x0 as f64, x1 as f64);
     let (above, below) = (y as f64, y as f64 + 1.0);
@@ -98,7 +98,7 @@ fn bodies_behind(camera: &Camera, x0: usize, x1: usize, y: usize) -> Vec<usize> 
     STILL_LIFE.bodies_in_cone(camera.center(), middle, cos)
 }
 
-/// The colour of one pixel. Light changes slowly, so samples on one surface share it.
+/// Returns the colour of one pixel. Light changes slowly, so samples on one surface share it.
 fn shade(camera: &Camera, x: usize, y: usize, bodies: &[usize]) -> [u8; 3] {
     let eye = camera.center();
     let mut sum = DVec3::ZERO;
@@ -122,7 +122,7 @@ fn shade(camera: &Camera, x: usize, y: usize, bodies: &[usize]) -> [u8; 3] {
         .map(|linear| (linear.sqrt() * 255.0).round() as u8)
 }
 
-/// [`render`] together with depth, normal and surface at the pixel centres.
+/// Does what [`render`] does, together with depth, normal and surface at the pixel centres.
 pub fn trace(camera: &Camera) -> Traced {
     let eye = camera.center();
     let (width, height) = (camera.width as usize, camera.height as usize);

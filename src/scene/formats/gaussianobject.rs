@@ -1,5 +1,5 @@
-//! GaussianObject's DUSt3R output: `dust3r_N.json`, cameras as 3DGS lists them, and the cloud
-//! `dust3r_N.ply`; test cameras, where there are any, in `dust3r_N_test.json`.
+//! This module reads GaussianObject's DUSt3R output: `dust3r_N.json`, cameras as 3DGS lists them,
+//! and the cloud `dust3r_N.ply`; test cameras, if there are any, are in `dust3r_N_test.json`.
 
 use std::collections::BTreeSet;
 use std::path::Path;

@@ -1,5 +1,5 @@
-//! InstantSplat's output: `sparse_N/0`, a COLMAP model of the N training views with a cloud and
-//! its confidences, and `sparse_N/1`, one of the test views.
+//! This module reads InstantSplat's output: `sparse_N/0`, a COLMAP model of the N training views
+//! with a cloud and its confidences, and `sparse_N/1`, one of the test views.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -67,7 +67,8 @@ pub(super) fn read(dir: &Path, probe: &Probe, _: &LoadOptions) -> Result<Layout>
     })
 }
 
-/// The `.npy` file with one confidence for every point of the PLY beside it, where there is one.
+/// Finds the `.npy` file with one confidence for every point of the PLY beside it, where there is
+/// one.
 pub(in crate::scene) fn confidence_of(cloud: &Path) -> Option<PathBuf> {
     let beside = cloud.with_file_name("confidence_dsp.npy");
     (cloud.ends_with("points3D.ply") && beside.is_file()).then_some(beside)

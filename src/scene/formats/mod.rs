@@ -1,5 +1,5 @@
-//! The formats that a scene folder may have. Each is told by its marker files, and its reader
-//! turns the poses into ours; images and points are read alike for all.
+//! A scene folder may have these formats. Each is told by its marker files, and its reader turns
+//! the poses into ours; images and points are read alike for all.
 
 mod colmap;
 mod gaussianobject;
@@ -98,13 +98,13 @@ pub(super) fn read(dir: &Path, options: &LoadOptions) -> Result<Layout> {
     Ok(layout)
 }
 
-/// The first of the files that is there, else the first but for the case of its name.
+/// Finds the first of the files that is there, else the first but for the case of its name.
 fn first_file(candidates: &[PathBuf]) -> Option<PathBuf> {
     let exact = candidates.iter().find(|path| path.is_file()).cloned();
     exact.or_else(|| candidates.iter().find_map(|path| in_other_case(path)))
 }
 
-/// The only file beside `path` whose name differs from it in case alone.
+/// Finds the only file beside `path` whose name differs from it in case alone.
 fn in_other_case(path: &Path) -> Option<PathBuf> {
     let name = path.file_name()?.to_str()?;
     let entries = std::fs::read_dir(path.parent()?).ok()?.flatten();

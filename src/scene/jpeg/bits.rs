@@ -1,8 +1,8 @@
-//! The bits of a scan and its Huffman codes (ITU-T T.81, Annexes C and F).
+//! This module reads the bits of a scan and its Huffman codes (ITU-T T.81, Annexes C and F).
 
 use super::MARKER;
 
-/// Why reading ends.
+/// The reason for which reading ends.
 pub(super) enum Stop {
     /// There are no more bits.
     Ended,
@@ -42,7 +42,7 @@ impl<'a> Bits<'a> {
         }
     }
 
-    /// The next `n` bits, at most 16.
+    /// Takes the next `n` bits, at most 16.
     pub(crate) fn take(&mut self, n: u32) -> Result<u32, Stop> {
         if self.n < n {
             self.refill();
@@ -91,7 +91,8 @@ impl<'a> Bits<'a> {
 
 /// A Huffman table.
 pub(super) struct Table {
-    /// By length: where its codes end, as 16 bits from the top, which those of shorter ones do below.
+    /// By length: where its codes end, as 16 bits from the top, which those of shorter ones do
+    /// below.
     ends: [u32; 17],
     /// By length: what is added to a code for its place in `symbols`, modulo 2^32.
     first: [u32; 17],
@@ -99,7 +100,8 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// From the number of codes of each length from 1 to 16, and the symbols in order.
+    /// Makes the table from the number of codes of each length from 1 to 16, and the symbols in
+    /// order.
     pub(crate) fn new(counts: &[u8; 16], symbols: &[u8]) -> Table {
         let mut table = Table {
             ends: [0; 17],

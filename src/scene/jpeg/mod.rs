@@ -1,4 +1,5 @@
-//! Whether a JPEG is whole: decoders fill in what is missing, in grey or in the last colour.
+//! This module tells whether a JPEG is whole: decoders fill in what is missing, in grey or in the
+//! last colour.
 
 mod bits;
 mod scans;

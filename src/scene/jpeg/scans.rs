@@ -1,4 +1,5 @@
-//! The scans of a JPEG: whether each has a code for every block (ITU-T T.81, Annexes B, F and G).
+//! This module tells whether each scan of a JPEG has a code for every block (ITU-T T.81, Annexes B,
+//! F and G).
 
 use super::bits::{Bits, Stop, Table};
 use super::{END_OF_IMAGE, START_OF_SCAN, Segment, Segments};
@@ -19,7 +20,7 @@ struct Component {
     known: Vec<u64>,
 }
 
-/// What the segments have said so far.
+/// The state of the walk: what the segments have said so far.
 #[derive(Default)]
 pub(super) struct Scans {
     width: usize,
@@ -31,7 +32,7 @@ pub(super) struct Scans {
     restart: usize,
 }
 
-/// What a progressive scan has of each block.
+/// The part of each block that a progressive scan has.
 #[derive(Clone, Copy)]
 struct Band {
     start: u32,
@@ -40,7 +41,7 @@ struct Band {
 }
 
 impl Scans {
-    /// What is missing, if anything is; None, too, where something is not understood.
+    /// Says what is missing, if anything is; `None`, too, if something is not understood.
     pub(crate) fn missing(mut self, segments: Segments) -> Option<String> {
         let mut n_scans = 0;
         for Segment { marker, body, data } in segments {
@@ -110,8 +111,8 @@ impl Scans {
         (self.width > 0 && self.height > 0 && self.components.iter().all(is_whole)).then_some(())
     }
 
-    /// How many of its units the data of a scan has, and how many there are; one is a block where the
-    /// scan has a single component.
+    /// Counts how many of its units the data of a scan has, and how many there are; one is a block
+    /// where the scan has a single component.
     fn scan(&mut self, header: &[u8], data: &[u8]) -> Option<(usize, usize)> {
         let (n, rest) = header.split_first()?;
         let chosen = rest.get(..2 * usize::from(*n))?;
@@ -213,7 +214,7 @@ fn number(bytes: &[u8]) -> Option<usize> {
     Some(usize::from(u16::from_be_bytes(*bytes.first_chunk()?)))
 }
 
-/// A block of a sequential scan.
+/// Reads a block of a sequential scan.
 fn sequential(bits: &mut Bits, dc: Option<&Table>, ac: Option<&Table>) -> Result<(), Stop> {
     let (dc, ac) = dc.zip(ac).ok_or(Stop::Damaged)?;
     let size = bits.symbol(dc)?;
@@ -233,7 +234,7 @@ fn sequential(bits: &mut Bits, dc: Option<&Table>, ac: Option<&Table>) -> Result
     Ok(())
 }
 
-/// The first coefficient of a block, or its next bit.
+/// Reads the first coefficient of a block, or its next bit.
 fn first(bits: &mut Bits, dc: Option<&Table>, band: Band) -> Result<(), Stop> {
     if band.is_refining {
         return skip(bits, 1);
@@ -242,7 +243,7 @@ fn first(bits: &mut Bits, dc: Option<&Table>, band: Band) -> Result<(), Stop> {
     skip(bits, size)
 }
 
-/// Other coefficients of a block, for the first time.
+/// Reads the other coefficients of a block, for the first time.
 fn others(
     bits: &mut Bits,
     table: &Table,
@@ -274,7 +275,7 @@ fn others(
     Ok(())
 }
 
-/// The next bit of each coefficient that is known, and those that become so.
+/// Reads the next bit of each coefficient that is known, and those that become so.
 fn refined(
     bits: &mut Bits,
     table: &Table,

@@ -1,4 +1,4 @@
-//! `cameras.bin` and `images.bin`: little-endian, counts as `u64`.
+//! This module reads `cameras.bin` and `images.bin`: little-endian, counts as `u64`.
 
 use super::{Model, cameras};
 use crate::error::{Error, Result};

@@ -1,4 +1,5 @@
-//! COLMAP's camera models (its `sensor/models.h`): names, parameters, and what of them is ours.
+//! This module has COLMAP's camera models (its `sensor/models.h`): names, parameters, and what of
+//! them is ours.
 
 use crate::error::{Error, Result};
 use crate::scene::layout::Intrinsics;
@@ -24,7 +25,7 @@ const MODELS: [(&str, usize); 16] = [
     ("FISHEYE", 4),
 ];
 
-/// The name of a model in a binary file, and the number of parameters that follow.
+/// Returns the name of a model in a binary file, and the number of parameters that follow.
 ///
 /// # Errors
 /// An id without a name: nothing says where the next camera begins.
@@ -35,7 +36,7 @@ pub(crate) fn by_id(camera: i64, model: i32) -> Result<(&'static str, usize)> {
         .ok_or_else(|| unsupported(camera, &format!("id {model}")))
 }
 
-/// The lens of a camera by its model's name.
+/// Returns the lens of a camera by its model's name.
 ///
 /// # Errors
 /// A model that is not read, another number of parameters, or values that no lens has.
@@ -66,7 +67,7 @@ fn unsupported(camera: i64, model: &str) -> Error {
     .way_out("undistort with `colmap image_undistorter`, which writes PINHOLE cameras")
 }
 
-/// `[fx, fy, cx, cy]` and the distortion.
+/// Returns `[fx, fy, cx, cy]` and the distortion.
 fn lens(model: &str, params: &[f64]) -> Option<([f64; 4], Distortion)> {
     let bent = Distortion::opencv;
     let fisheye = Distortion::fisheye;

@@ -1,4 +1,4 @@
-//! COLMAP models, text and binary (<https://colmap.github.io/format.html>).
+//! This module reads COLMAP models, text and binary (<https://colmap.github.io/format.html>).
 //!
 //! COLMAP's camera frame is ours: world-to-camera, +z forward, y down, pixel centres at +0.5.
 
@@ -45,8 +45,8 @@ pub(super) fn read(dir: &Path, probe: &Probe, _: &LoadOptions) -> Result<Layout>
     })
 }
 
-/// Clouds that the COLMAP scene `dir` offers besides the one that is taken: `points*.ply` beside
-/// the model and in `dir`, by name.
+/// Lists the clouds that the COLMAP scene `dir` offers besides the one that is taken: `points*.ply`
+/// beside the model and in `dir`, by name.
 ///
 /// # Errors
 /// A folder that cannot be listed.
@@ -72,7 +72,7 @@ pub fn other_clouds(dir: &Path) -> Result<Vec<PathBuf>> {
     Ok(clouds)
 }
 
-/// The cloud that is taken of the COLMAP scene `dir`, where there is one.
+/// Returns the cloud that is taken of the COLMAP scene `dir`, where there is one.
 pub(in crate::scene) fn own_cloud(dir: &Path) -> Option<PathBuf> {
     find_cloud(dir, &find_model(dir)?.probe.path).ok()
 }
@@ -125,7 +125,8 @@ pub(super) fn read_model(folder: &Path) -> Result<Model> {
     Ok(model)
 }
 
-/// Our own DUSt3R-style PLY before COLMAP's sparse points, which are too few to fill a view.
+/// Finds the cloud: our own DUSt3R-style PLY before COLMAP's sparse points, which are too few to
+/// fill a view.
 fn find_cloud(dir: &Path, folder: &Path) -> Result<PathBuf> {
     first_file(&[
         folder.join("points3D.ply"),
@@ -149,7 +150,7 @@ fn find_cloud(dir: &Path, folder: &Path) -> Result<PathBuf> {
 
 type ReadInto = fn(&[u8], &mut Model) -> Result<()>;
 
-/// What the two encodings are read into; all checks of values are here.
+/// The model that both encodings are read into; all checks of values are here.
 #[derive(Default)]
 pub(super) struct Model {
     pub views: Vec<PosedCamera>,
@@ -158,7 +159,7 @@ pub(super) struct Model {
     pub unusable: Vec<(String, Error)>,
     /// Cameras of `cameras.*`, which images may share; refused only by an image that uses them.
     intrinsics: BTreeMap<i64, Result<Intrinsics>>,
-    /// Those of them with a parameter that is not finite.
+    /// Ids of the cameras with a parameter that is not finite.
     not_finite_cameras: BTreeSet<i64>,
     names: BTreeSet<String>,
     /// Poses whose quaternion was off unit length by more than rounding explains.
@@ -208,7 +209,7 @@ impl Model {
         }
     }
 
-    /// `rotation_wxyz` and `translation` are world-to-camera.
+    /// Adds an image; `rotation_wxyz` and `translation` are world-to-camera.
     fn add_image(
         &mut self,
         rotation_wxyz: [f64; 4],

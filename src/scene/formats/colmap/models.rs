@@ -1,12 +1,12 @@
-//! The places where COLMAP models and their photographs are looked for.
+//! This module has the places in which COLMAP models and their photographs are looked for.
 
 use std::path::{Path, PathBuf};
 
 use super::super::Probe;
 use super::{has_model, read_model};
 
-/// The folders in which a model is looked for, in this order: 3DGS, VGGT, MASt3R with GLOMAP, nerfstudio, COLMAP's
-/// dense workspaces, and beside the photographs.
+/// The folders in which a model is looked for, in this order: 3DGS, VGGT, MASt3R with GLOMAP,
+/// nerfstudio, COLMAP's dense workspaces, and beside the photographs.
 pub(in crate::scene) const FOLDERS: [&str; 8] = [
     "sparse/0",
     "sparse",
@@ -32,8 +32,8 @@ pub(super) struct Found {
     pub warning: Option<String>,
 }
 
-/// The folder of the scene `dir` that holds a model. Among the numbered parts of one reconstruction it
-/// is that of the most images.
+/// Finds the folder of the scene `dir` that holds a model. Among the numbered parts of one
+/// reconstruction it is that of the most images.
 pub(super) fn find_model(dir: &Path) -> Option<Found> {
     let parts_of = |folder: &str| -> Vec<String> {
         let Some(parent) = folder.strip_suffix("/0") else {
@@ -79,7 +79,7 @@ pub(super) fn find_model(dir: &Path) -> Option<Found> {
     })
 }
 
-/// The folder of photographs of the model in `model`.
+/// Finds the folder of photographs of the model in `model`.
 pub(super) fn image_dir(dir: &Path, model: &Path, warnings: &mut Vec<String>) -> PathBuf {
     let is_flat = model.canonicalize().ok() == dir.canonicalize().ok();
     // COLMAP's dense workspace has both in one folder.
@@ -100,7 +100,7 @@ pub(super) fn image_dir(dir: &Path, model: &Path, warnings: &mut Vec<String>) ->
     if is_flat { dir.to_owned() } else { first }
 }
 
-/// The folder `name` in `parent`, or else the only one of another case.
+/// Finds the folder `name` in `parent`, or else the only one of another case.
 fn folder_named(parent: &Path, name: &str) -> Option<PathBuf> {
     let exact = parent.join(name);
     if exact.is_dir() {
@@ -116,7 +116,7 @@ fn folder_named(parent: &Path, name: &str) -> Option<PathBuf> {
     <[PathBuf; 1]>::try_from(alike).ok().map(|[folder]| folder)
 }
 
-/// The folders' names for messages.
+/// Returns the folders' names for messages.
 pub(super) fn expected_in() -> String {
     let below = FOLDERS.iter().filter(|folder| **folder != ".");
     let names: Vec<String> = below.map(|folder| format!("`{folder}`")).collect();

@@ -1,4 +1,4 @@
-//! `points3D.bin` and `points3D.txt`: COLMAP's sparse points, without confidence.
+//! This module reads `points3D.bin` and `points3D.txt`: COLMAP's sparse points, without confidence.
 
 use super::text::{at_line, lines, number, numbers};
 use crate::error::Result;

@@ -1,9 +1,10 @@
-//! `cameras.txt` and `images.txt`: blank-separated fields, `#` begins a comment line.
+//! This module reads `cameras.txt` and `images.txt`: blank-separated fields, `#` begins a comment
+//! line.
 
 use super::Model;
 use crate::error::{Error, Result, without_mark};
 
-/// The lines of a text file with their numbers from 1; bytes that are no UTF-8 are refused.
+/// Returns the lines of a text file with their numbers from 1; bytes that are no UTF-8 are refused.
 pub(crate) fn lines(bytes: &[u8]) -> impl Iterator<Item = Result<(usize, &str)>> {
     without_mark(bytes)
         .split(|&b| b == b'\n')
@@ -18,7 +19,7 @@ pub(crate) fn at_line(error: Error, number: usize) -> Error {
     error.at(format_args!("line {number}"))
 }
 
-/// The next blank-separated field of `rest`, which it is cut from.
+/// Cuts the next blank-separated field off `rest` and returns it.
 pub(crate) fn field<'a>(rest: &mut &'a str, what: &str) -> Result<&'a str> {
     let line = rest.trim_start();
     if line.is_empty() {
@@ -30,7 +31,7 @@ pub(crate) fn field<'a>(rest: &mut &'a str, what: &str) -> Result<&'a str> {
     Ok(field)
 }
 
-/// [`field`] as a number.
+/// Reads a [`field`] as a number.
 pub(crate) fn number<T: std::str::FromStr>(rest: &mut &str, what: &str) -> Result<T> {
     let field = field(rest, what)?;
     field.parse().map_err(|_| {
@@ -49,7 +50,8 @@ pub(crate) fn numbers<const N: usize>(rest: &mut &str, what: &str) -> Result<[f6
     Ok(values)
 }
 
-/// [`number`], or NaN where Microsoft's C library wrote what is none (`-nan(ind)`, `1.#QNAN`).
+/// Reads a [`number`], or NaN where Microsoft's C library wrote what is none (`-nan(ind)`,
+/// `1.#QNAN`).
 pub(crate) fn real(rest: &mut &str, what: &str) -> Result<f64> {
     let mut ahead = *rest;
     let field = field(&mut ahead, what)?;
@@ -97,7 +99,8 @@ fn camera_fields<'a>(line: &mut &'a str) -> Result<CameraFields<'a>> {
     Ok((id, name, size, params))
 }
 
-/// Each image takes two lines; the second, its observations, is not used, whatever it holds.
+/// Reads `images.txt`. Each image takes two lines; the second, its observations, is not used,
+/// whatever it holds.
 pub(crate) fn read_images(bytes: &[u8], model: &mut Model) -> Result<()> {
     let mut lines = lines(bytes);
     while let Some(line) = lines.next() {
@@ -128,8 +131,8 @@ fn image_numbers(line: &mut &str) -> Result<([f64; 4], [f64; 3], i64)> {
     Ok((rotation_wxyz, translation, camera_id))
 }
 
-/// Without this, a file that leaves the second lines out would lose every other image. An image's
-/// name is no number, or else its fields are no triples.
+/// Refuses a second line that is an image. Without this, a file that leaves the second lines out
+/// would lose every other image. An image's name is no number, or else its fields are no triples.
 fn check_no_image(mut line: &str) -> Result<()> {
     let n_fields = line.split_whitespace().count();
     let is_image = n_fields >= 10 && {

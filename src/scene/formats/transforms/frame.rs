@@ -1,4 +1,4 @@
-//! One frame's pose and intrinsics.
+//! This module reads one frame's pose and intrinsics.
 
 use glam::{DMat3, DVec3};
 use serde_json::Value;
@@ -32,8 +32,8 @@ const FISHEYE_MODELS: [&str; 4] = [
     "RADIAL_FISHEYE",
 ];
 
-/// World-to-camera rotation, optical centre, and the scale that the matrix has beside; none where
-/// the frame has no pose, or one that is not finite.
+/// Returns the world-to-camera rotation, the optical centre, and the scale that the matrix has
+/// beside; `None` if the frame has no pose, or one that is not finite.
 pub(super) fn pose(matrix: Option<&Value>) -> Result<Option<(DMat3, DVec3, f64)>> {
     let wrong = |what: &str| Error::new(format!("`transform_matrix` {what}"));
     let Some(matrix) = matrix.filter(|m| !m.is_null()) else {
@@ -77,7 +77,7 @@ pub(super) fn pose(matrix: Option<&Value>) -> Result<Option<(DMat3, DVec3, f64)>
     Ok(Some((rotation, position, scale)))
 }
 
-/// What a frame's intrinsics are read from.
+/// The objects that a frame's intrinsics are read from.
 pub(super) struct Optics<'a> {
     pub frame: &'a Object,
     pub file: &'a Object,
@@ -101,7 +101,7 @@ impl Optics<'_> {
             .transpose()
     }
 
-    /// Width and height as stated.
+    /// Returns width and height as stated.
     pub(crate) fn size(&self) -> Result<Option<[f64; 2]>> {
         Ok(self
             .number("w")?
@@ -140,8 +140,8 @@ impl Optics<'_> {
         }
     }
 
-    /// nerfstudio's coefficients: `k1` to `k4` of the fisheye, and else `k1` to `k3`, `p1` and `p2`.
-    /// What a `k4` means without a fisheye differs between programs.
+    /// Reads nerfstudio's coefficients: `k1` to `k4` of the fisheye, and else `k1` to `k3`, `p1`
+    /// and `p2`. What a `k4` means without a fisheye differs between programs.
     fn distortion(&self) -> Result<Distortion> {
         let unsupported = |what: String| {
             Err(Error::new(format!("{what} is not supported"))

@@ -1,4 +1,4 @@
-//! `transforms.json` of nerfstudio and instant-ngp, and NeRF's Blender scenes
+//! This module reads `transforms.json` of nerfstudio and instant-ngp, and NeRF's Blender scenes
 //! (`transforms_train.json`, `transforms_test.json`).
 //!
 //! `transform_matrix` is camera-to-world with OpenGL's camera axes: x right, y up, z backwards.
@@ -42,13 +42,14 @@ pub(super) fn read(dir: &Path, probe: &Probe, _: &LoadOptions) -> Result<Layout>
     Ok(views.layout(dir, probe, split, cloud))
 }
 
-/// The marker of NeRF's Blender scenes.
+/// Looks for the marker of NeRF's Blender scenes.
 pub(super) fn find_blender(dir: &Path, _: &LoadOptions) -> Result<Option<Probe>> {
     let probe = Probe::new(dir, "transforms_train.json");
     Ok(probe.path.is_file().then_some(probe))
 }
 
-/// The training views are drawn from those of the training file, the test views from the other.
+/// Reads a Blender scene. The training views are drawn from those of the training file, the test
+/// views from the other.
 pub(super) fn read_blender(dir: &Path, probe: &Probe, options: &LoadOptions) -> Result<Layout> {
     let folder = Folder::new(dir);
     let mut views = Views::default();
@@ -223,8 +224,8 @@ impl Views {
     }
 }
 
-/// The name of an image that may come without its suffix, as NeRF's Blender scenes have them: that
-/// of the file, or else a PNG's.
+/// Returns the name of an image that may come without its suffix, as NeRF's Blender scenes have
+/// them: that of the file, or else a PNG's.
 fn with_suffix(folder: &Folder, name: String) -> String {
     if name.rsplit('/').next().unwrap_or(&name).contains('.') {
         return name;
@@ -235,7 +236,7 @@ fn with_suffix(folder: &Folder, name: String) -> String {
     }
 }
 
-/// The file of a frame's mask, where it names one.
+/// Returns the file of a frame's mask, where it names one.
 fn mask(dir: &Path, folder: &Folder, frame: &Object) -> Result<Option<PathBuf>> {
     let here = |e: Error| e.at("`mask_path`");
     let name = match frame.get("mask_path") {
@@ -252,7 +253,7 @@ fn mask(dir: &Path, folder: &Folder, frame: &Object) -> Result<Option<PathBuf>> 
     }
 }
 
-/// A path in the scene folder without `./` in front, and with `/` between.
+/// Returns a path in the scene folder without `./` in front, and with `/` between.
 fn relative(path: &str) -> Result<String> {
     let path = path.replace('\\', "/");
     let mut name = path.as_str();
@@ -263,7 +264,7 @@ fn relative(path: &str) -> Result<String> {
     Ok(name.to_owned())
 }
 
-/// nerfstudio's lists of views.
+/// Reads nerfstudio's lists of views.
 fn read_split(folder: &Folder, file: &Object) -> Result<Option<NamedSplit>> {
     let list = |key: &str| -> Result<Option<Vec<String>>> {
         let Some(value) = file.get(key) else {

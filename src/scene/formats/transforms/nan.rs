@@ -4,8 +4,8 @@ use std::borrow::Cow;
 
 const WORDS: [&[u8]; 3] = [b"-Infinity", b"Infinity", b"NaN"];
 
-/// `json` with these words quoted, so that what needs a number there is told of a word, and what
-/// is not looked at does no harm.
+/// Returns `json` with these words quoted, so that what needs a number there is told of a word, and
+/// what is not looked at does no harm.
 pub(crate) fn quoted_nan(json: &[u8]) -> Cow<'_, [u8]> {
     let has = |word: &&[u8]| json.windows(word.len()).any(|bytes| bytes == *word);
     if !WORDS[1..].iter().any(has) {
@@ -40,7 +40,7 @@ pub(crate) fn quoted_nan(json: &[u8]) -> Cow<'_, [u8]> {
     Cow::Owned(quoted)
 }
 
-/// Whether a value is one of the words as [`quoted_nan`] leaves them.
+/// Returns whether a value is one of the words as [`quoted_nan`] leaves them.
 pub(crate) fn is_not_finite(value: &serde_json::Value) -> bool {
     let word = value.as_str().unwrap_or_default().as_bytes();
     WORDS.contains(&word)
