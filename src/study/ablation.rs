@@ -1,4 +1,4 @@
-//! What each part of the method adds (Table 2).
+//! This study asks what each part of the method adds (Table 2).
 
 use super::plan::{Base, Variant};
 use super::quality::{LPIPS, PSNR, SCENE, SSIM, TO_MODEL, gain, psnr_at, quality, scenes};
@@ -116,7 +116,7 @@ impl Study for Ablation {
     }
 }
 
-/// A warning where training ends before a rule that rows add has begun.
+/// Returns a warning if training ends before a rule that rows add has begun.
 fn late_rules(results: &Results) -> Option<String> {
     let config = &results.runs.first()?.job.config;
     let (densify, prune) = (config.densify.start, config.coverage.start);

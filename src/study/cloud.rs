@@ -1,5 +1,5 @@
-//! Better and worse clouds (Table 3), and what 3DGS makes of its start (the initialisation
-//! figure).
+//! This study compares better and worse clouds (Table 3), and asks what 3DGS makes of its start
+//! (the initialisation figure).
 
 use super::plan::{Base, Variant};
 use super::quality::{LPIPS, PSNR, SCENE, SSIM, TO_MODEL, gain, peak, psnr, quality};
@@ -14,7 +14,8 @@ use crate::scene::{CloudSource, Scene, SceneSource, n_cloud_views, other_clouds}
 
 const PRESETS: [&str; 2] = ["3dgs", "paper"];
 
-/// Views that clouds are made from, where points know their view; the built-in scene's own is from 4.
+/// Views that clouds are made from, where points know their view; the built-in scene's own is from
+/// 4.
 const VIEWS: [usize; 4] = [1, 2, 4, 8];
 const OWN_VIEWS: usize = 4;
 
@@ -26,7 +27,7 @@ const N_CURVE: u32 = 20;
 
 pub(crate) struct Cloud;
 
-/// A cloud's label and where it comes from; the scene's own is `None`.
+/// Lists the clouds' labels and where they come from; the scene's own is `None`.
 fn clouds(base: &Base, scene: &Scene) -> Result<Vec<(String, Option<CloudSource>)>> {
     match base.source() {
         SceneSource::Builtin { .. } => Ok(VIEWS
@@ -54,7 +55,7 @@ fn clouds(base: &Base, scene: &Scene) -> Result<Vec<(String, Option<CloudSource>
     }
 }
 
-/// What follows a preset's name in a variant on a cloud; the scene's own adds nothing.
+/// Returns what follows a preset's name in a variant on a cloud; the scene's own adds nothing.
 fn suffix(label: &str, source: &Option<CloudSource>) -> String {
     match source {
         None => String::new(),
@@ -125,7 +126,7 @@ impl Study for Cloud {
     }
 }
 
-/// Table 3: clouds against presets.
+/// Makes Table 3: clouds against presets.
 fn quality_table(results: &Results) -> DataTable {
     let columns = [
         SCENE,
@@ -177,7 +178,7 @@ fn quality_table(results: &Results) -> DataTable {
     table
 }
 
-/// The initialisation figure in numbers: where PSNR starts, peaks and ends.
+/// Makes the initialisation figure in numbers: where PSNR starts, peaks and ends.
 fn start_table(results: &Results) -> DataTable {
     let columns = [
         SCENE,
@@ -229,7 +230,7 @@ fn points(run: &Finished) -> Option<f64> {
     run.job.config.scene.max_points.map(|n| n as f64)
 }
 
-/// PSNR against iterations, the mean over the scenes and seeds.
+/// Plots PSNR against iterations, the mean over the scenes and seeds.
 fn curves(results: &Results, starts: &[(&str, usize)]) -> Result<String> {
     let mut plot = Plot::new(
         "3DGS from different starts",

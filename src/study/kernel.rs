@@ -1,5 +1,5 @@
-//! Kernels of the information potential against the quality of what is rendered (the kernel
-//! figure).
+//! This study holds kernels of the information potential against the quality of what is rendered
+//! (the kernel figure).
 
 use super::plan::{Base, Variant};
 use super::quality::{SCENE, TO_MODEL, to_model};
@@ -20,7 +20,7 @@ const KERNELS: [(&str, Kernel, f64); 3] = [
     ("von Mises-Fisher, kappa 4.4", Kernel::VonMisesFisher, 4.4),
 ];
 
-/// What is trained: the paper asks about 3DGS alone.
+/// The preset that is trained: the paper asks about 3DGS alone.
 const PRESET: &str = "3dgs";
 
 /// Share of a potential's range that counts as its low end.
@@ -125,8 +125,8 @@ impl Study for KernelStudy {
     }
 }
 
-/// The paper's axis: the potential over the angle to the nearest training view; colour is PSNR,
-/// the mean over the seeds.
+/// Plots the potential over the angle to the nearest training view, the paper's axis; colour is
+/// PSNR, the mean over the seeds.
 fn by_angle(title: &str, angles: &[f64], potential: &[f64], psnr: &[Vec<f64>]) -> Plot {
     let points = angles.iter().zip(potential);
     let points = points.map(|(x, y)| Point::new(*x, *y)).collect();
@@ -141,7 +141,8 @@ fn by_angle(title: &str, angles: &[f64], potential: &[f64], psnr: &[Vec<f64>]) -
     plot.with("", Style::Colored(colors), points)
 }
 
-/// Share of the values in the lowest part of their range; none where they do not differ.
+/// Returns the share of the values in the lowest part of their range; none where they do not
+/// differ.
 fn low_share(values: &[f64]) -> Option<f64> {
     let least = values.iter().copied().fold(f64::INFINITY, f64::min);
     let greatest = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);

@@ -1,5 +1,5 @@
-//! The paper's tables and figures: each study is a list of runs and a fold of what they measured
-//! into tables and plots.
+//! The studies make the paper's tables and figures: each is a list of runs and a fold of what they
+//! measured into tables and plots.
 //!
 //! A run that is done already, with the same config and scene, is not trained again.
 
@@ -63,7 +63,7 @@ pub enum StudyName {
 }
 
 impl StudyName {
-    /// The name as the command line takes it, and the folder's.
+    /// Returns the name as the command line takes it, which also names the report's files.
     pub fn name(self) -> &'static str {
         match self {
             StudyName::Ablation => "ablation",
@@ -97,24 +97,24 @@ impl StudyName {
     }
 }
 
-/// What makes a study.
+/// A study: its question, the runs that it needs and its report.
 trait Study {
-    /// What is compared, one sentence for the head of the report.
+    /// Says in one sentence, for the head of the report, what is compared.
     fn question(&self) -> &'static str;
 
-    /// The variants to train of one scene.
+    /// Lists the variants to train of one scene.
     fn variants(&self, base: &Base) -> Result<Vec<Variant>>;
 
-    /// Tables and pictures of what they measured.
+    /// Makes tables and pictures of what they measured.
     fn report(&self, results: &Results) -> Result<Report>;
 
-    /// The methods whose renders are shown side by side; none where the study is about one.
+    /// Lists the methods whose renders are shown side by side; none if the study is about one.
     fn methods(&self, _results: &Results) -> Vec<Method> {
         Vec::new()
     }
 }
 
-/// What a study shows.
+/// The report of a study.
 #[derive(Default)]
 struct Report {
     tables: Vec<DataTable>,
@@ -158,7 +158,7 @@ pub fn run(name: StudyName, options: &Options) -> Result<String> {
     Ok(text)
 }
 
-/// The runs of a study with what there is of each.
+/// Lists the runs of a study with what there is of each.
 ///
 /// # Errors
 /// As those of [`run`] before training.
@@ -209,7 +209,7 @@ fn repeated(seeds: &[u64]) -> Option<u64> {
     seeds.iter().enumerate().find_map(again)
 }
 
-/// Words joined to a file's name, with `-` in place of what may not stand in a link.
+/// Returns words joined to a file's name, with `-` in place of what may not stand in a link.
 fn file_name(words: &[&str]) -> String {
     let plain = |c: char| {
         if c.is_alphanumeric() || c == '_' {

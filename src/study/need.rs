@@ -1,4 +1,4 @@
-//! What quality costs: one thing at a time is reduced.
+//! This study asks what quality costs: one thing at a time is reduced.
 
 use super::plan::{Base, Variant};
 use super::quality::{LPIPS, PSNR, SCENE, SSIM, TO_MODEL, gain, psnr_at, quality, scenes};
@@ -184,7 +184,7 @@ impl Study for Need {
     }
 }
 
-/// A warning where training ends before degrees that rows are about have begun.
+/// Returns a warning if training ends before degrees that rows are about have begun.
 fn late_degrees(results: &Results) -> Option<String> {
     let config = &results.runs.first()?.job.config;
     let interval = config.model.sh_interval;
@@ -210,7 +210,7 @@ fn variants_of(results: &Results, factor: &Factor) -> Vec<String> {
     names
 }
 
-/// How much of the factor a variant has; its first run stands for all.
+/// Returns how much of the factor a variant has; its first run stands for all.
 fn size(results: &Results, factor: &Factor, variant: &str) -> Option<f64> {
     let mut runs = results.runs.iter();
     (factor.size)(runs.find(|run| run.variant == variant)?)
@@ -238,7 +238,7 @@ fn row(scope: &Scope, variant: &str, [what, value]: [Cell; 2]) -> Vec<Cell> {
     cells
 }
 
-/// PSNR against how much there is of the factor.
+/// Plots PSNR against how much there is of the factor.
 fn picture(results: &Results, factor: &Factor) -> Result<Picture> {
     let axis = if factor.is_log {
         Axis::log(factor.label)
@@ -267,7 +267,7 @@ fn picture(results: &Results, factor: &Factor) -> Result<Picture> {
     })
 }
 
-/// The results with what was trained on smaller images measured at the base's test views.
+/// Returns the results with what was trained on smaller images measured at the base's test views.
 fn at_full_size(results: &Results) -> Result<Results> {
     let mut runs = results.runs.clone();
     let gpu = Gpu::open()?;

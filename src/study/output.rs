@@ -1,4 +1,4 @@
-//! A study's files.
+//! This module writes a study's files.
 
 use std::collections::BTreeSet;
 
@@ -68,7 +68,7 @@ pub(super) fn write(
     Ok(markdown)
 }
 
-/// What the runs share, and what the figures mean.
+/// Says what the runs share, and what the figures mean.
 fn caption(options: &Options, results: &Results) -> Result<String> {
     let config = match options.scenes.first() {
         Some(source) => Base::new(options, source)?.config("paper", &[])?,

@@ -1,5 +1,6 @@
-//! Settings of the field: potential against quality for several sigma and lambda (the
-//! parameterization figure), and what training with each lambda gives (the paper's choice of it).
+//! This study varies settings of the field: potential against quality for several sigma and lambda
+//! (the parameterization figure), and what training with each lambda gives (the paper's choice of
+//! it).
 
 use super::plan::{Base, Variant};
 use super::quality::{
@@ -21,7 +22,7 @@ const LAMBDAS: [f64; 5] = [0.0, 0.1, 0.2, 0.4, 0.8];
 /// Times the method's sigma.
 const SIGMAS: [f64; 3] = [0.5, 1.0, 2.0];
 
-/// What viewpoints are rendered by: the paper asks about 3DGS.
+/// The preset that renders the viewpoints: the paper asks about 3DGS.
 const BASELINE: &str = "3dgs";
 /// Its own lambda is a row.
 const METHOD: &str = "paper";
@@ -67,7 +68,7 @@ impl Study for Parameters {
     }
 }
 
-/// The lambdas that were trained with, in order, with their variants.
+/// Lists the lambdas that were trained with, in order, with their variants.
 fn trained(results: &Results) -> Vec<(f64, String)> {
     let of_method = |run: &&Finished| run.variant == METHOD || run.variant.starts_with(PREFIX);
     let runs = results.runs.iter().filter(of_method);
@@ -104,7 +105,7 @@ fn lambda_table(results: &Results) -> DataTable {
     table
 }
 
-/// Every measure over lambda, where it was measured.
+/// Plots every measure over lambda, where it was measured.
 fn lambda_pictures(results: &Results) -> Result<Vec<Picture>> {
     let mut pictures = Vec::new();
     type Measure = (&'static str, &'static str, fn(&Finished) -> Option<f64>);
@@ -141,8 +142,8 @@ fn lambda_pictures(results: &Results) -> Result<Vec<Picture>> {
     Ok(pictures)
 }
 
-/// Potential against quality for every sigma and lambda; pictures of those that differ from the
-/// method's in one of the two.
+/// Tabulates the potential against quality for every sigma and lambda, and plots those that differ
+/// from the method's in one of the two.
 fn settings(results: &Results) -> Result<(DataTable, Vec<Picture>)> {
     let columns = [
         SCENE,

@@ -1,4 +1,4 @@
-//! What the parts beyond the paper add, one by one and together.
+//! This study asks what the parts beyond the paper add, one by one and together.
 
 use super::plan::{Base, Variant};
 use super::quality::{
@@ -76,7 +76,8 @@ impl Part {
         format!("parts-without-{}", self.word)
     }
 
-    /// The keys that leave it out: with virtual views goes what is about them.
+    /// Returns the keys that leave the part out; without virtual views, what is about them goes,
+    /// too.
     fn dependent_keys(&self) -> Vec<&'static str> {
         let is_views = self.keys == PARTS[0].keys;
         let dependent = PARTS.iter().filter(|part| is_views && part.of_views);
@@ -85,7 +86,7 @@ impl Part {
     }
 }
 
-/// What the whole has not taken, added to it: its variant, what it is called, and its setting.
+/// Settings that the whole has not taken, added to it: variant, what it is called, and setting.
 const LEFT_ASIDE: [(&str, &str, &str); 3] = [
     (
         "parts-with-densification",
@@ -138,7 +139,7 @@ fn rows() -> Vec<Row> {
     rows
 }
 
-/// The number of row `i` in the table.
+/// Returns the number of row `i` in the table.
 fn number(i: usize) -> String {
     (i + 1).to_string()
 }

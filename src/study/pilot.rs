@@ -1,5 +1,5 @@
-//! The pilot study: how well 3DGS renders each direction around a scene, trained on one camera and
-//! on all (the paper's first figure of the field).
+//! The pilot study asks how well 3DGS renders each direction around a scene, trained on one camera
+//! and on all (the paper's first figure of the field).
 
 use std::ops::Range;
 
@@ -110,7 +110,7 @@ impl Study for Pilot {
     }
 }
 
-/// What a variant renders at the viewpoints.
+/// Measures of what a variant renders at the viewpoints.
 struct Surveyed {
     /// Unit directions of the viewpoints from the focus of all cameras.
     directions: Vec<DVec3>,
@@ -123,7 +123,7 @@ struct Surveyed {
     psnr: Vec<Vec<f64>>,
 }
 
-/// One camera and all, from the same viewpoints.
+/// Surveys one camera and all, from the same viewpoints.
 fn surveys(gpu: &Gpu, results: &Results, scene: &str) -> Result<[Surveyed; 2]> {
     let runs = |variant: &str| {
         let runs = results.of(scene, variant);
@@ -161,8 +161,8 @@ fn surveys(gpu: &Gpu, results: &Results, scene: &str) -> Result<[Surveyed; 2]> {
 }
 
 impl Surveyed {
-    /// Mean PSNR of the viewpoints for which `holds`, by index, and how many they are; none where
-    /// there is none.
+    /// Returns the mean PSNR of the viewpoints for which `holds`, by index, and how many they are;
+    /// `None` if there are none.
     fn mean_where(&self, holds: impl Fn(usize) -> bool) -> (Option<Figure>, usize) {
         let chosen: Vec<usize> = (0..self.angles.len()).filter(|&i| holds(i)).collect();
         let n = chosen.len();
@@ -177,13 +177,13 @@ impl Surveyed {
         self.mean_where(|i| bounds.contains(&self.angles[i]) || last && self.angles[i] >= 180.0)
     }
 
-    /// Mean PSNR near any of some directions.
+    /// Returns the mean PSNR near any of some directions.
     fn near(&self, places: &[DVec3]) -> Option<Figure> {
         let near = |d: DVec3| places.iter().any(|p| angle(d, *p).to_degrees() <= NEAR_DEG);
         self.mean_where(|i| near(self.directions[i])).0
     }
 
-    /// Mean PSNR at each viewpoint, over the seeds.
+    /// Returns the mean PSNR at each viewpoint, over the seeds.
     fn mean_psnr(&self) -> Vec<f64> {
         let mean = |i: usize| {
             let seeds = self.psnr.iter().map(|seed| seed[i]);
@@ -222,8 +222,8 @@ impl Surveyed {
         map.to_svg()
     }
 
-    /// Pairs of cameras with no third as near to the middle between them as they are: indices and
-    /// the direction of the middle. Opposite cameras have no middle.
+    /// Finds the pairs of cameras with no third as near to the middle between them as they are:
+    /// indices and the direction of the middle. Opposite cameras have no middle.
     fn neighbours(&self) -> Vec<(usize, usize, DVec3)> {
         let at = |i: usize| self.trained[i].1;
         let n = self.trained.len();
@@ -237,7 +237,7 @@ impl Surveyed {
     }
 }
 
-/// Least and greatest of both, so that the maps' colours say the same.
+/// Returns the least and greatest of both, so that the maps' colours say the same.
 fn common_range(surveys: &[Surveyed; 2]) -> Option<Range<f64>> {
     let values: Vec<f64> = surveys.iter().flat_map(Surveyed::mean_psnr).collect();
     let finite = || values.iter().copied().filter(|v| v.is_finite());
@@ -302,7 +302,7 @@ fn valley_table() -> DataTable {
     DataTable::new("pilot-valleys", &columns)
 }
 
-/// Quality at two neighbouring cameras and midway between them.
+/// Adds the quality at two neighbouring cameras and midway between them.
 fn valley_rows(table: &mut DataTable, scene: &str, survey: &Surveyed) {
     for (i, j, middle) in survey.neighbours() {
         let [(a, from), (b, to)] = [&survey.trained[i], &survey.trained[j]];
@@ -319,7 +319,7 @@ fn valley_rows(table: &mut DataTable, scene: &str, survey: &Surveyed) {
     }
 }
 
-/// The paper's two claims, in figures.
+/// States the paper's two claims, in figures.
 fn claims(one: &Surveyed, all: &Surveyed) -> String {
     let peak = |survey: &Surveyed| {
         let (near, far) = (survey.within(0.0..15.0).0, survey.within(45.0..180.0).0);

@@ -1,4 +1,4 @@
-//! What a study trains: variants of a job, on every scene, with every seed.
+//! This module plans what a study trains: variants of a job, on every scene, with every seed.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,7 @@ use crate::eval::EvalOptions;
 use crate::pipeline::TrainJob;
 use crate::scene::{Scene, SceneSource};
 
-/// What all runs of a study share.
+/// Options that all runs of a study share.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Every variant is trained on each.
@@ -55,7 +55,7 @@ impl<'a> Base<'a> {
         })
     }
 
-    /// Short name of the scene for tables and folders.
+    /// Returns the short name of the scene for tables and folders.
     pub(crate) fn name(&self) -> String {
         self.source.name()
     }
@@ -64,15 +64,16 @@ impl<'a> Base<'a> {
         &self.source
     }
 
-    /// Shorter side of a test view, pixels, for everything that is asked for to be measured.
+    /// Returns the least shorter side of a test view, pixels, with which all that is asked for can
+    /// be measured.
     pub(crate) fn min_side_px(&self) -> u32 {
         let lpips = self.options.measure.lpips.as_ref();
         lpips.map_or(1, |lpips| lpips.min_side_px())
     }
 
-    /// The method under the study's options, then what the preset does otherwise than the
-    /// method, then `changes` (`key=value`). A preset that trains for less or more iterations
-    /// than the method does so in proportion.
+    /// Makes the config: the method under the study's options, then what the preset does otherwise
+    /// than the method, then `changes` (`key=value`). A preset that trains for less or more
+    /// iterations than the method does so in proportion.
     ///
     /// # Errors
     /// Usage: what the config does not allow.
@@ -106,7 +107,7 @@ impl<'a> Base<'a> {
         Ok(config)
     }
 
-    /// The variant `name`: a preset with changes, on the scene's own split and cloud.
+    /// Makes the variant `name`: a preset with changes, on the scene's own split and cloud.
     ///
     /// # Errors
     /// As [`Base::config`].
@@ -117,7 +118,7 @@ impl<'a> Base<'a> {
         })
     }
 
-    /// The presets themselves.
+    /// Makes the presets' own variants.
     ///
     /// # Errors
     /// As [`Base::config`].
@@ -126,7 +127,7 @@ impl<'a> Base<'a> {
         variants.collect()
     }
 
-    /// The scene as the method's preset loads it, for variants that depend on what it has.
+    /// Loads the scene as the method's preset does, for variants that depend on what it has.
     ///
     /// # Errors
     /// What loading refuses.
@@ -136,7 +137,7 @@ impl<'a> Base<'a> {
     }
 }
 
-/// Two scenes of one name would share their run directories.
+/// Refuses two scenes of one name, which would share their run directories.
 pub(crate) fn check_names(bases: &[Base]) -> Result<()> {
     for (i, base) in bases.iter().enumerate() {
         if bases[..i].iter().any(|other| other.name() == base.name()) {

@@ -1,4 +1,4 @@
-//! The field on the sphere, and what predicts the quality of a test view.
+//! This study shows the field on the sphere, and what predicts the quality of a test view.
 
 use glam::DVec3;
 
@@ -94,7 +94,8 @@ fn psnr_by_view(run: &Finished) -> Vec<f64> {
     views.map(|v| v.psnr.unwrap_or(f64::INFINITY)).collect()
 }
 
-/// What may tell the quality of each test view; the second is the angle to the nearest view.
+/// Returns what may tell the quality of each test view; the second is the angle to the nearest
+/// view.
 fn predictors(setting: &Setting, run: &Finished) -> Result<[(&'static str, Vec<f64>); 4]> {
     let test = cameras(&setting.scene.test);
     let directions: Vec<DVec3> = test.iter().map(|c| setting.direction(c)).collect();
@@ -119,7 +120,7 @@ fn predictors(setting: &Setting, run: &Finished) -> Result<[(&'static str, Vec<f
     ])
 }
 
-/// The field's three potentials, with every camera of `run` on them.
+/// Draws the field's three potentials, with every camera of `run` on them.
 fn maps(scene: &str, setting: &Setting, run: &Finished) -> Result<Vec<Picture>> {
     let direction = |camera: &_| setting.direction(camera);
     let train = cameras(&setting.scene.train);

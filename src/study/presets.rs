@@ -1,4 +1,5 @@
-//! The presets side by side: how good, how soon, and whether training on makes them worse.
+//! This study sets the presets side by side: how good, how soon, and whether training on makes them
+//! worse.
 
 use super::plan::{Base, Variant};
 use super::quality::{
@@ -118,12 +119,13 @@ impl Study for Presets {
     }
 }
 
-/// Other studies have the presets without a curve.
+/// Returns the variant's name, which differs from that of other studies: they have the presets
+/// without a curve.
 fn variant(preset: &str) -> String {
     format!("curve-{preset}")
 }
 
-/// PSNR of every preset against what `at` says of a point.
+/// Plots the PSNR of every preset against what `at` says of a point.
 fn curves(
     results: &Results,
     scope: &Scope,

@@ -1,4 +1,5 @@
-//! The columns that most studies share: PSNR, SSIM, LPIPS, seconds and what a change gains.
+//! This module has the columns that most studies share: PSNR, SSIM, LPIPS, seconds and what a
+//! change gains.
 
 use super::runs::{Finished, Results, Scope};
 use super::table::{Cell, Column};
@@ -13,12 +14,12 @@ pub(crate) const LPIPS: Column = Column::figure("lpips", "LPIPS", 3);
 pub(crate) const TO_MODEL: Column = Column::figure("to_model_s", "end to end s", 1);
 pub(crate) const COVERED: Column = Column::figure("psnr_covered", "covered PSNR dB", 2);
 
-/// dB.
+/// Returns the mean PSNR of a run, dB.
 pub(crate) fn psnr(run: &Finished) -> Option<f64> {
     run.evaluation.mean.psnr
 }
 
-/// Over the pixels that the scene's cloud covers; dB.
+/// Returns the mean PSNR over the pixels that the scene's cloud covers, dB.
 pub(crate) fn covered_psnr(run: &Finished) -> Option<f64> {
     run.evaluation.mean_covered?.psnr
 }
@@ -31,19 +32,19 @@ pub(crate) fn lpips(run: &Finished) -> Option<f64> {
     run.evaluation.mean.lpips
 }
 
-/// Seconds from loading the scene to the written model, without any evaluation.
+/// Returns the seconds from loading the scene to the written model, without any evaluation.
 pub(crate) fn to_model(run: &Finished) -> Option<f64> {
     run.metrics.seconds.to_model()
 }
 
-/// Iteration and PSNR of a curve's highest point.
+/// Returns iteration and PSNR of a curve's highest point.
 pub(crate) fn peak(run: &Finished) -> Option<(f64, f64)> {
     let points = run.metrics.curve.iter();
     let points = points.filter_map(|point| Some((f64::from(point.iteration), point.psnr?)));
     points.reduce(|a, b| if b.1 > a.1 { b } else { a })
 }
 
-/// Cells under [`PSNR`], [`SSIM`], [`LPIPS`] and [`TO_MODEL`].
+/// Returns the cells under [`PSNR`], [`SSIM`], [`LPIPS`] and [`TO_MODEL`].
 pub(crate) fn quality(scope: &Scope, variant: &str) -> [Cell; 4] {
     [
         scope.figure(variant, psnr).into(),
@@ -53,12 +54,12 @@ pub(crate) fn quality(scope: &Scope, variant: &str) -> [Cell; 4] {
     ]
 }
 
-/// How much more PSNR `variant` has than `over`: `+0.42`, or `+0.05 (within noise)`.
+/// Returns how much more PSNR `variant` has than `over`: `+0.42`, or `+0.05 (within noise)`.
 pub(crate) fn gain(scope: &Scope, variant: &str, over: &str) -> String {
     difference(scope.figure(variant, psnr), scope.figure(over, psnr))
 }
 
-/// The difference of two figures in words; `n/a` where one is missing.
+/// Returns the difference of two figures in words; `n/a` where one is missing.
 pub(crate) fn difference(a: Option<Figure>, b: Option<Figure>) -> String {
     let (Some(a), Some(b)) = (a, b) else {
         return "n/a".to_owned();
@@ -70,7 +71,7 @@ pub(crate) fn difference(a: Option<Figure>, b: Option<Figure>) -> String {
     format!("{:+.2}{noise}", a.mean - b.mean)
 }
 
-/// The variant's PSNR at `x` of a plot; none where it was not measured.
+/// Returns the variant's PSNR at `x` of a plot; `None` if it was not measured.
 pub(crate) fn psnr_at(scope: &Scope, variant: &str, x: f64) -> Option<Point> {
     let figure = scope.figure(variant, psnr)?;
     Some(Point {
@@ -80,7 +81,7 @@ pub(crate) fn psnr_at(scope: &Scope, variant: &str, x: f64) -> Option<Point> {
     })
 }
 
-/// The scopes that a plot has a series for: every scene, as means hide them.
+/// Returns the scopes that a plot has a series for: every scene, as means hide them.
 pub(crate) fn scenes(results: &Results) -> Vec<Scope<'_>> {
     let n = results.scenes().len();
     results.scopes().into_iter().take(n).collect()

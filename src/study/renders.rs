@@ -1,4 +1,4 @@
-//! What the methods of a study render, side by side.
+//! This module sets side by side what the methods of a study render.
 
 use super::runs::{Finished, Results};
 use crate::error::Result;

@@ -1,4 +1,4 @@
-//! Carries out what is planned; what is done already is taken as it is.
+//! This module carries out what is planned; what is done already is taken as it is.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use crate::pipeline::{self, GoOn, TrainJob};
 use crate::report::stats::Figure;
 use crate::run::{Evaluation, Metrics, RunDir, SceneRecord};
 
-/// A run to have.
+/// A planned run.
 pub(crate) struct Planned {
     /// Its directory's name.
     pub name: String,
@@ -19,7 +19,7 @@ pub(crate) struct Planned {
     pub job: TrainJob,
 }
 
-/// What there is of a planned run.
+/// The state of a planned run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
     /// No directory, or what an interruption left.
@@ -31,7 +31,7 @@ pub enum State {
 }
 
 impl Planned {
-    /// One run for every seed.
+    /// Plans one run for every seed.
     pub(crate) fn of(options: &Options, scene: &str, variant: &Variant) -> Vec<Planned> {
         let planned = |seed: &u64| {
             let name = format!("{scene}-{}-seed{seed}", variant.name);
@@ -78,7 +78,7 @@ impl Planned {
         })
     }
 
-    /// What of a finished run is not as planned.
+    /// Says what of a finished run is not as planned.
     fn difference(&self, metrics: &Metrics) -> Option<String> {
         if metrics.version != env!("CARGO_PKG_VERSION") {
             Some(format!("it is of version {}", metrics.version))
@@ -112,7 +112,7 @@ impl Planned {
         }
     }
 
-    /// Whether an interruption has left something of this run to go on from.
+    /// Returns whether an interruption has left something of this run to go on from.
     fn is_begun(&self) -> bool {
         let begun = RunDir::open(&self.root).and_then(|run| run.job());
         begun.is_ok_and(|begun| {
@@ -167,21 +167,22 @@ pub(crate) struct Results {
 }
 
 impl Results {
-    /// The scenes' names.
+    /// Returns the scenes' names.
     pub(crate) fn scenes(&self) -> Vec<&str> {
         let mut scenes: Vec<&str> = self.runs.iter().map(|run| run.scene.as_str()).collect();
         scenes.dedup();
         scenes
     }
 
-    /// A variant's runs on a scene, in the order of the seeds; none where it lacks the variant.
+    /// Returns a variant's runs on a scene, in the order of the seeds; none where it lacks the
+    /// variant.
     pub(crate) fn of(&self, scene: &str, variant: &str) -> Vec<&Finished> {
         let runs = self.runs.iter();
         runs.filter(|run| run.scene == scene && run.variant == variant)
             .collect()
     }
 
-    /// Every scene and, where there are several, all together.
+    /// Returns every scene and, where there are several, all together.
     pub(crate) fn scopes(&self) -> Vec<Scope<'_>> {
         let scenes = self.scenes();
         let scope = |name: String, scenes: Vec<&'_ str>| Scope {
@@ -208,14 +209,14 @@ pub(crate) struct Scope<'a> {
 }
 
 impl Scope<'_> {
-    /// Whether every scene has the variant.
+    /// Returns whether every scene has the variant.
     pub(crate) fn has(&self, variant: &str) -> bool {
         let mut scenes = self.scenes.iter();
         scenes.all(|scene| !self.results.of(scene, variant).is_empty())
     }
 
-    /// What the variant's runs measured: the mean over the scenes of every seed, and how far the
-    /// seeds spread. `None` where a run has no value.
+    /// Returns what the variant's runs measured: the mean over the scenes of every seed, and how
+    /// far the seeds spread. `None` where a run has no value.
     pub(crate) fn figure(
         &self,
         variant: &str,

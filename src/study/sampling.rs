@@ -1,4 +1,4 @@
-//! Ways to choose the virtual views (Table 4).
+//! This study compares ways to choose the virtual views (Table 4).
 
 use super::plan::{Base, Variant};
 use super::quality::{LPIPS, PSNR, SCENE, SSIM, TO_MODEL, gain, psnr_at, quality, scenes};

@@ -1,4 +1,4 @@
-//! A study's tables, each as Markdown, CSV and JSON from the same cells.
+//! This module writes a study's tables, each as Markdown, CSV and JSON from the same cells.
 
 use serde_json::{Map, Value, json};
 
@@ -13,12 +13,12 @@ pub struct Column {
     pub key: &'static str,
     /// Heading in Markdown.
     pub heading: &'static str,
-    /// Digits after the point; None for text.
+    /// Digits after the point; `None` for text.
     pub digits: Option<usize>,
 }
 
 impl Column {
-    /// A column of words.
+    /// Returns a column of words.
     pub const fn text(key: &'static str, heading: &'static str) -> Column {
         Column {
             key,
@@ -27,7 +27,7 @@ impl Column {
         }
     }
 
-    /// A column of numbers, with `digits` after the point in Markdown.
+    /// Returns a column of numbers, with `digits` after the point in Markdown.
     pub const fn figure(key: &'static str, heading: &'static str, digits: usize) -> Column {
         Column {
             key,
@@ -37,12 +37,12 @@ impl Column {
     }
 }
 
-/// What stands in a row under a column of its kind.
+/// A cell of a row, under a column of its kind.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cell {
     /// Words, shown as they are.
     Text(String),
-    /// None: not measured.
+    /// A number with its spread; `None` if it was not measured.
     Figure(Option<Figure>),
 }
 
@@ -76,7 +76,7 @@ pub struct DataTable {
 }
 
 impl DataTable {
-    /// A table without rows.
+    /// Returns a table without rows.
     pub fn new(name: &str, columns: &[Column]) -> DataTable {
         DataTable {
             name: name.to_owned(),
@@ -90,7 +90,7 @@ impl DataTable {
         self.rows.push(cells.into_iter().collect());
     }
 
-    /// For people: figures as `mean ± deviation`.
+    /// Writes the table for people: figures as `mean ± deviation`.
     pub fn to_markdown(&self) -> String {
         let headings: Vec<&str> = self.columns.iter().map(|column| column.heading).collect();
         let n_text = self.columns.iter().take_while(|c| c.digits.is_none());
@@ -103,7 +103,8 @@ impl DataTable {
         table.to_string()
     }
 
-    /// For programs: figures in full, each followed by its standard deviation in a column `KEY_deviation`.
+    /// Writes the table for programs: figures in full, each followed by its standard deviation in a
+    /// column `KEY_deviation`.
     pub fn to_csv(&self) -> Result<String> {
         let failed = |e: &dyn std::fmt::Display| Error::new(format!("{}.csv: {e}", self.name));
         let mut out = csv::Writer::from_writer(Vec::new());
@@ -127,7 +128,7 @@ impl DataTable {
         String::from_utf8(bytes).map_err(|e| failed(&e))
     }
 
-    /// One object a row.
+    /// Writes the table as JSON, one object a row.
     pub fn to_json(&self) -> Value {
         let object = |row: &Vec<Cell>| -> Value {
             let cells = row.iter().zip(&self.columns);

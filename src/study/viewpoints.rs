@@ -1,4 +1,5 @@
-//! Viewpoints that a trained model is measured at, and what is known of them beforehand.
+//! This module has the viewpoints that a trained model is measured at, and what is known of them
+//! beforehand.
 
 use glam::DVec3;
 
@@ -51,23 +52,24 @@ impl Setting {
         })
     }
 
-    /// The field of another config.
+    /// Makes the field of another config.
     pub(crate) fn field_of(&self, config: &FieldConfig) -> Field {
         Field::new(&cameras(&self.scene.train), &self.focus, config)
     }
 
-    /// The unit direction from the focus to a camera.
+    /// Returns the unit direction from the focus to a camera.
     pub(crate) fn direction(&self, camera: &Camera) -> DVec3 {
         (camera.center() - self.focus.center).normalize_or(-camera.forward())
     }
 
-    /// Angle to the nearest training camera, degrees.
+    /// Returns the angle to the nearest training camera, degrees.
     pub(crate) fn nearest_deg(&self, direction: DVec3) -> f64 {
         self.field.u_conf(direction).to_degrees()
     }
 
-    /// Views all over the sphere, of `n` directions those outside objects and above the floor,
-    /// where the truth is at hand, as it is for the built-in scene; the test views elsewhere.
+    /// Returns views all over the sphere if the truth is at hand, as it is for the built-in scene:
+    /// of `n` directions, those outside objects and above the floor. For other scenes it returns
+    /// the test views.
     ///
     /// # Errors
     /// No training camera to take the intrinsics from.
@@ -92,7 +94,7 @@ impl Setting {
     }
 }
 
-/// What a variant renders around a scene.
+/// Measures of what a variant renders around a scene.
 pub(crate) struct Survey {
     pub setting: Setting,
     /// Directions of the viewpoints from the focus.
@@ -125,13 +127,13 @@ impl Survey {
         })
     }
 
-    /// Rank correlation of a predictor with PSNR, whole and at equal angle.
+    /// Returns the rank correlation of a predictor with PSNR, whole and at equal angle.
     pub(crate) fn correlations(&self, predictor: &[f64]) -> [Option<Figure>; 2] {
         correlations(predictor, &self.psnr, &self.angles)
     }
 }
 
-/// PSNR of every run at `views`, dB.
+/// Measures the PSNR of every run at `views`, dB.
 ///
 /// # Errors
 /// A GPU fault, or a view that the adapter cannot hold.
@@ -155,7 +157,7 @@ pub(crate) fn cameras(views: &[View]) -> Vec<Camera> {
     views.iter().map(|view| view.camera.clone()).collect()
 }
 
-/// Errors of a run's model at `views`.
+/// Measures a run's model at `views`.
 ///
 /// # Errors
 /// A GPU fault, or a view that the adapter cannot hold.
@@ -178,7 +180,8 @@ pub(crate) fn measure(
     Ok(Evaluation::new(scores, gaussians.len(), train_s))
 }
 
-/// Rank correlation of a predictor with the PSNR of every seed, whole and given the angles.
+/// Returns the rank correlation of a predictor with the PSNR of every seed, whole and given the
+/// angles.
 pub(crate) fn correlations(
     predictor: &[f64],
     psnr: &[Vec<f64>],
@@ -194,7 +197,8 @@ pub(crate) fn correlations(
     [Figure::of(whole), Figure::of(partial)]
 }
 
-/// PSNR, the mean over the seeds, against a predictor; colour is the angle to the nearest view.
+/// Plots PSNR, the mean over the seeds, against a predictor; colour is the angle to the nearest
+/// view.
 pub(crate) fn scatter(
     title: &str,
     (label, predictor): (&str, &[f64]),

@@ -1,4 +1,4 @@
-//! Few and more training views (Table 5).
+//! This study compares few and more training views (Table 5).
 
 use super::plan::{Base, Variant};
 use super::quality::{LPIPS, PSNR, SCENE, SSIM, TO_MODEL, gain, psnr_at, quality, scenes};
@@ -123,8 +123,8 @@ impl Study for Views {
     }
 }
 
-/// The order in which views are taken for training: the first `n_first` before the others, and
-/// among either, after the first, always the one whose angle around `center` to the nearest of
+/// Returns the order in which views are taken for training: the first `n_first` before the others,
+/// and among either, after the first, always the one whose angle around `center` to the nearest of
 /// those before it is largest (the first of equals). Indices into `cameras`.
 pub fn spread_order(cameras: &[Camera], n_first: usize, center: glam::DVec3) -> Vec<usize> {
     let direction = |camera: &Camera| (camera.center() - center).normalize_or(-camera.forward());
