@@ -1,4 +1,4 @@
-//! The backbone: a `DINOv2` transformer over the patches of all views, in whose later half every
+//! The backbone is a `DINOv2` transformer over the patches of all views, in whose later half every
 //! other block attends across views.
 
 use rayon::prelude::*;
@@ -29,7 +29,7 @@ pub(super) struct Backbone {
     norm: LayerNorm,
 }
 
-/// What the backbone gives: for each output block, in the views' given order.
+/// The features that the backbone gives: for each output block, in the views' given order.
 pub(super) struct Features {
     /// `[views][patches][2 channels]`, four times.
     pub maps: Vec<Vec<f32>>,
@@ -66,8 +66,8 @@ impl Backbone {
         })
     }
 
-    /// The features of all views. `cameras`, `[views][channels]`, stand for known cameras; without
-    /// them a reference view is chosen.
+    /// Computes the features of all views. `cameras`, `[views][channels]`, stand for known cameras;
+    /// without them a reference view is chosen.
     pub(crate) fn apply(
         &self,
         images: &Images,
@@ -159,8 +159,8 @@ impl Backbone {
         }
     }
 
-    /// `[views][1 + patches][channels]`: the class token, then the patches row by row, each with
-    /// its position embedding.
+    /// Makes `[views][1 + patches][channels]`: the class token, then the patches row by row, each
+    /// with its position embedding.
     fn tokens(&self, images: &Images, watch: Watch<'_>) -> Vec<f32> {
         let c = self.model.channels;
         let (rows, columns) = images.patches();
@@ -180,7 +180,8 @@ impl Backbone {
         x
     }
 
-    /// Position embeddings for a grid of patches: the stored grid, interpolated bicubically.
+    /// Returns the position embeddings for a grid of patches: the stored grid, interpolated
+    /// bicubically.
     fn positions(&self, rows: usize, columns: usize) -> Vec<f32> {
         if (rows, columns) == (GRID, GRID) {
             return self.pos_embed.clone();
@@ -213,8 +214,8 @@ impl Backbone {
     }
 }
 
-/// For each of `n` places: the four stored ones around it and their weights. The scale is that of
-/// n + 0.1 places, as the weights were trained with.
+/// Returns for each of `n` places the four stored ones around it and their weights. The scale is
+/// that of n + 0.1 places, as the weights were trained with.
 fn taps(n: usize) -> Vec<[(usize, f64); 4]> {
     const A: f64 = -0.75;
     let near = |d: f64| ((A + 2.0) * d - (A + 3.0)) * d * d + 1.0;

@@ -1,4 +1,4 @@
-//! Transformer blocks: attention and a perceptron, each on a normalised copy and added back.
+//! A transformer block has attention and a perceptron, each on a normalised copy and added back.
 
 use rayon::prelude::*;
 
@@ -39,7 +39,7 @@ enum Mlp {
     },
 }
 
-/// What a block's layers need to be read.
+/// The sizes and options that a block is read with.
 #[derive(Clone, Copy)]
 pub(super) struct BlockSpec {
     pub channels: usize,
@@ -149,8 +149,9 @@ impl Block {
     }
 }
 
-/// `softmax(q k^T / sqrt(d)) v` for each head, within groups of tokens: `[tokens][3 channels]` to
-/// `[tokens][channels]`. The scores of [`BAND_QUERIES`] queries of one head are held at a time.
+/// Computes `softmax(q k^T / sqrt(d)) v` for each head, within groups of tokens: `[tokens][3
+/// channels]` to `[tokens][channels]`. The scores of [`BAND_QUERIES`] queries of one head are held
+/// at a time.
 fn attention(qkv: &[f32], channels: usize, n_heads: usize, group: usize) -> Vec<f32> {
     let d = channels / n_heads;
     let row = 3 * channels;

@@ -1,5 +1,5 @@
-//! The dense head (after Ranftl et al. 2021): depth and confidence of every pixel, and rays on a
-//! coarser grid where they are asked for.
+//! The dense head (after Ranftl et al. 2021) finds depth and confidence of every pixel, and rays on
+//! a coarser grid if they are asked for.
 
 use rayon::prelude::*;
 
@@ -39,7 +39,7 @@ struct RayBranch {
     out: Linear,
 }
 
-/// What the head gives for one view.
+/// The head's outputs for one view.
 pub(super) struct Dense {
     /// `[height][width]`.
     pub depth: Vec<f32>,
@@ -49,7 +49,7 @@ pub(super) struct Dense {
 }
 
 impl Head {
-    /// The ray branch, half of the head, is read where it will be used, `with_rays`.
+    /// Reads the head; its ray branch, half of it, is read only `with_rays`.
     pub(crate) fn read(weights: &mut Weights, model: &Model, with_rays: bool) -> Result<Head> {
         let (c, f) = (2 * model.channels, model.features);
         let outs = model.out_channels;
@@ -88,7 +88,8 @@ impl Head {
         })
     }
 
-    /// Depth of one view from its four maps, `[patches][2 channels]` each, for a grid of patches.
+    /// Finds the depth of one view from its four maps, `[patches][2 channels]` each, for a grid of
+    /// patches.
     pub(crate) fn apply(
         &self,
         maps: [&[f32]; 4],
@@ -252,7 +253,7 @@ impl Pyramid {
         })
     }
 
-    /// One map of [`FUSED_PER_PATCH`] pixels a patch's side.
+    /// Fuses the levels to one map of [`FUSED_PER_PATCH`] pixels a patch's side.
     fn fuse(&self, levels: &[Map], name: &str, watch: Watch<'_>) -> Map {
         let (last, finer) = (&levels[3], &levels[..3]);
         let mut map = self.stages[3].apply(last, None, (finer[2].height, finer[2].width));
@@ -288,7 +289,7 @@ impl Fusion {
 }
 
 impl Residual {
-    /// `x + conv2(relu(conv1(relu(x))))`.
+    /// Computes `x + conv2(relu(conv1(relu(x))))`.
     fn apply(&self, x: &Map) -> Map {
         let mut out = self.conv2.apply_rectified(&self.conv1.apply_rectified(x));
         out.add(x);

@@ -1,6 +1,6 @@
-//! Photographs as the network takes them: scaled to multiples of a patch, cropped to one size and
-//! normalised. Scaling is that of OpenCV's `resize` on 8-bit images, which the network was trained
-//! with: rounded to 8 bits after each of two steps.
+//! This module prepares photographs as the network takes them: scaled to multiples of a patch,
+//! cropped to one size and normalised. Scaling is that of OpenCV's `resize` on 8-bit images, which
+//! the network was trained with: rounded to 8 bits after each of two steps.
 
 use rayon::prelude::*;
 
@@ -30,12 +30,12 @@ pub struct Images {
     pub height: usize,
     /// Columns of each image, a multiple of [`PATCH_PX`].
     pub width: usize,
-    /// Levels in [0, 1], less ImageNet's mean and over its deviation, channel by channel.
+    /// Levels in [0, 1], less the training images' mean and over their deviation, by channel.
     pub values: Vec<f32>,
     placed: Vec<Placed>,
 }
 
-/// How an image came out of its photograph.
+/// The way from a photograph to its image.
 #[derive(Clone, Copy, Debug)]
 struct Placed {
     original: (u32, u32),
@@ -61,7 +61,7 @@ pub fn prepare(photograph: &Image, size: u32) -> Prepared {
     }
 }
 
-/// The nearest multiple of a patch, halves up, at least one.
+/// Returns the nearest multiple of a patch, halves up, at least one.
 fn whole_patches(n: u32) -> u32 {
     const SIDE: u32 = PATCH_PX as u32;
     let below = n / SIDE * SIDE;
@@ -113,7 +113,7 @@ impl Images {
         })
     }
 
-    /// Images that are normalised already, `[views][3][height][width]`.
+    /// Takes images that are normalised already, `[views][3][height][width]`.
     ///
     /// # Errors
     /// Values that do not fill views of this size, or sides that are no multiples of a patch.
@@ -142,12 +142,12 @@ impl Images {
         })
     }
 
-    /// Rows and columns of patches.
+    /// Returns the rows and columns of patches.
     pub(super) fn patches(&self) -> (usize, usize) {
         (self.height / PATCH_PX, self.width / PATCH_PX)
     }
 
-    /// What a patch is made of, `[views][patches][3][14][14]`.
+    /// Cuts the images into patches, `[views][patches][3][14][14]`.
     pub(super) fn unfolded(&self) -> Vec<f32> {
         let (rows, columns) = self.patches();
         let area = self.height * self.width;
@@ -166,7 +166,7 @@ impl Images {
         out
     }
 
-    /// A photograph's camera as one of the image that the network sees of it.
+    /// Returns a photograph's camera as one of the image that the network sees of it.
     pub fn camera_of_image(&self, view: usize, camera: &Camera) -> Camera {
         let Placed { scaled, offset, .. } = self.placed[view];
         let scaled = camera.resized(scaled.0, scaled.1);
@@ -196,7 +196,7 @@ impl Images {
         whole.resized(original.0, original.1)
     }
 
-    /// The 8-bit colours of a view, `[height][width]`.
+    /// Returns the 8-bit colours of a view, `[height][width]`.
     pub fn colors(&self, view: usize) -> Vec<[u8; 3]> {
         let area = self.height * self.width;
         let level = |channel: usize, pixel: usize| {
@@ -212,7 +212,7 @@ impl Images {
 /// For each pixel of a scaled row or column: its sources and their weights.
 type Taps = Vec<Vec<(usize, f32)>>;
 
-/// An image at another size: bicubically if a side grows, else by areas.
+/// Resizes an image: bicubically if a side grows, else by areas.
 fn resized(image: &Image, (width, height): (u32, u32)) -> Image {
     if (image.width, image.height) == (width, height) {
         return image.clone();
@@ -257,7 +257,7 @@ fn resized(image: &Image, (width, height): (u32, u32)) -> Image {
     Image { width, height, rgb }
 }
 
-/// Shares of the pixels that each pixel of a smaller image covers.
+/// Returns the shares of the pixels that each pixel of a smaller image covers.
 fn area_taps(n: u32, m: u32) -> Taps {
     const LEAST: f64 = 1e-3;
     let (n, ratio) = (f64::from(n), f64::from(n) / f64::from(m));
@@ -282,7 +282,7 @@ fn area_taps(n: u32, m: u32) -> Taps {
     (0..m).map(taps).collect()
 }
 
-/// Four pixels around each, clamped to the border.
+/// Returns the four pixels around each, clamped to the border.
 fn cubic_taps(n: u32, m: u32) -> Taps {
     const A: f32 = -0.75;
     let near = |d: f32| ((A + 2.0) * d - (A + 3.0)) * d * d + 1.0;

@@ -1,4 +1,4 @@
-//! The layers that the parts of the network share.
+//! This module has the layers that the parts of the network share.
 
 use rayon::prelude::*;
 
@@ -31,8 +31,8 @@ impl Linear {
         Self::read_shaped(weights, name, &[n_out, n_in])
     }
 
-    /// The weights of a convolution whose every input pixel is used once: 1x1, or patches side by
-    /// side. The shape begins with `n_out`.
+    /// Reads the weights of a convolution whose every input pixel is used once: 1x1, or patches
+    /// side by side. The shape begins with `n_out`.
     pub(crate) fn read_shaped(
         weights: &mut Weights,
         name: &str,
@@ -47,7 +47,7 @@ impl Linear {
         })
     }
 
-    /// `[rows][n_in]` to `[rows][n_out]`.
+    /// Maps `[rows][n_in]` to `[rows][n_out]`.
     pub(crate) fn apply(&self, x: &[f32]) -> Vec<f32> {
         let mut out = vec![0.0; x.len() / self.n_in * self.n_out];
         out.par_chunks_mut(BAND_ROWS * self.n_out)
@@ -56,7 +56,7 @@ impl Linear {
         out
     }
 
-    /// `x += gamma (W values + b)`, gamma one a channel.
+    /// Computes `x += gamma (W values + b)`, gamma one a channel.
     pub(crate) fn add_scaled_to(&self, x: &mut [f32], values: &[f32], gamma: &[f32]) {
         x.par_chunks_mut(BAND_ROWS * self.n_out)
             .zip(values.par_chunks(BAND_ROWS * self.n_in))
@@ -123,7 +123,7 @@ impl LayerNorm {
         out
     }
 
-    /// One row in place.
+    /// Normalises one row in place.
     pub(crate) fn row(&self, row: &mut [f32]) {
         let n = row.len() as f32;
         let mean = sum(row, |x| x) / n;
@@ -135,7 +135,7 @@ impl LayerNorm {
     }
 }
 
-/// Rectification in place.
+/// Rectifies in place.
 pub(super) fn relu(values: &mut [f32]) {
     for value in values {
         *value = value.max(0.0);

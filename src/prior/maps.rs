@@ -1,4 +1,5 @@
-//! Maps of features, `[height][width][channels]`, and the layers of the dense head on them.
+//! This module has maps of features, `[height][width][channels]`, and the layers of the dense head
+//! on them.
 
 use rayon::prelude::*;
 
@@ -49,7 +50,7 @@ impl Map {
             });
     }
 
-    /// Bilinear interpolation in which the corners of both maps coincide.
+    /// Interpolates bilinearly, so that the corners of both maps coincide.
     pub(crate) fn resized(&self, height: usize, width: usize) -> Map {
         let (rows, columns) = (
             corner_taps(self.height, height),
@@ -87,7 +88,7 @@ impl Map {
         values.zip(others).for_each(|(a, b)| *a += b);
     }
 
-    /// A 1x1 convolution.
+    /// Applies a 1x1 convolution.
     pub(crate) fn pixelwise(&self, linear: &Linear) -> Map {
         Map {
             channels: linear.n_out,
@@ -97,7 +98,7 @@ impl Map {
     }
 }
 
-/// `[n][2 frequencies]`: sines and cosines of the places between `-span` and `span`.
+/// Returns `[n][2 frequencies]`: sines and cosines of the places between `-span` and `span`.
 fn places(n: usize, span: f64, n_frequencies: usize) -> Vec<f32> {
     let end = span * (n as f64 - 1.0) / n as f64;
     let step = if n > 1 {
@@ -115,7 +116,7 @@ fn places(n: usize, span: f64, n_frequencies: usize) -> Vec<f32> {
         .collect()
 }
 
-/// For each of `n_out` places: the stored one before it, and the share of the one after that.
+/// Returns for each of `n_out` places the stored one before it and the share of the one after that.
 fn corner_taps(n_in: usize, n_out: usize) -> Vec<(usize, f32)> {
     let scale = if n_out > 1 {
         (n_in - 1) as f32 / (n_out - 1) as f32
@@ -181,7 +182,7 @@ impl Conv3 {
         self.apply_after(input, |x| x)
     }
 
-    /// The convolution of the rectified map.
+    /// Convolves the rectified map.
     pub(crate) fn apply_rectified(&self, input: &Map) -> Map {
         self.apply_after(input, |x| x.max(0.0))
     }
@@ -226,7 +227,7 @@ impl Conv3 {
         }
     }
 
-    /// The 3x3 pixels around an output's, `[3][3][n_in]`.
+    /// Gathers the 3x3 pixels around an output's, `[3][3][n_in]`.
     fn gather(
         &self,
         input: &Map,
@@ -251,7 +252,7 @@ impl Conv3 {
     }
 }
 
-/// `[rows][n_in][n_taps]` to `[rows][n_taps][n_in]`; nothing stays nothing.
+/// Reorders `[rows][n_in][n_taps]` to `[rows][n_taps][n_in]`; nothing stays nothing.
 fn regrouped(stored: &[f32], n_in: usize, n_taps: usize) -> Vec<f32> {
     let rows = stored.chunks_exact(n_in * n_taps);
     rows.flat_map(|row| {

@@ -1,7 +1,7 @@
-//! Matrix products and the functions of the network's layers, in f32.
+//! This module has matrix products and the functions of the network's layers, in f32.
 //!
-//! Products are nalgebra's, which hands them to `matrixmultiply`. Each is computed by one thread, and
-//! how work is cut into products never depends on the number of threads: neither do the sums.
+//! Products are nalgebra's, which hands them to `matrixmultiply`. Each is computed by one thread,
+//! and how work is cut into products never depends on the number of threads: neither do the sums.
 
 use std::sync::LazyLock;
 
@@ -18,7 +18,7 @@ pub(super) struct Strided<'a> {
 }
 
 impl<'a> Strided<'a> {
-    /// Rows one after the other.
+    /// Views `values` as a matrix whose rows lie one after the other.
     pub(crate) fn rows(values: &'a [f32], rows: usize, columns: usize) -> Strided<'a> {
         Strided {
             values,
@@ -50,11 +50,11 @@ impl<'a> Strided<'a> {
     }
 }
 
-/// `matrixmultiply` is handed products all of whose sides are above this. Below it nalgebra 0.35 has
-/// loops of its own, which write beside rows that are not contiguous.
+/// `matrixmultiply` is handed products all of whose sides are above this. Below it nalgebra 0.35
+/// has loops of its own, which write beside rows that are not contiguous.
 const SMALL: usize = 5;
 
-/// `out = scale a b`, for `out` of `a.rows` rows that begin `stride` apart.
+/// Computes `out = scale a b`, for `out` of `a.rows` rows that begin `stride` apart.
 pub(super) fn multiply(out: &mut [f32], stride: usize, scale: f32, a: Strided<'_>, b: Strided<'_>) {
     if a.rows.min(a.columns).min(b.columns) <= SMALL {
         return multiply_small(out, stride, scale, a, b);
@@ -79,7 +79,7 @@ fn multiply_small(out: &mut [f32], stride: usize, scale: f32, a: Strided<'_>, b:
     }
 }
 
-/// `e^x` for `x <= 0`, within two units in the last place; 0 below -87.
+/// Returns `e^x` for `x <= 0`, within two units in the last place; 0 below -87.
 ///
 /// Without branches and calls, so that a loop of it becomes vector code on any machine.
 #[inline]
@@ -131,7 +131,7 @@ static ERF: LazyLock<Vec<[f32; 2]>> = LazyLock::new(|| {
     points.map(entry).collect()
 });
 
-/// The error function, by cubic interpolation in a table: within 1e-7.
+/// Returns the error function, by cubic interpolation in a table: within 1e-7.
 fn erf(x: f32, table: &[[f32; 2]]) -> f32 {
     let scaled = x.abs() * ERF_STEPS_PER_UNIT as f32;
     let i = scaled as usize;
@@ -148,7 +148,7 @@ fn erf(x: f32, table: &[[f32; 2]]) -> f32 {
     value.copysign(x)
 }
 
-/// `x Phi(x)`, exact (Hendrycks and Gimpel 2016), in place.
+/// Applies `x Phi(x)`, exact (Hendrycks and Gimpel 2016), in place.
 pub(super) fn gelu(values: &mut [f32]) {
     let table = &*ERF;
     for x in values {
@@ -156,7 +156,7 @@ pub(super) fn gelu(values: &mut [f32]) {
     }
 }
 
-/// Exponentials of a row less its maximum, in place, and one over their sum.
+/// Replaces a row by the exponentials of it less its maximum; returns one over their sum.
 pub(super) fn exponentials(row: &mut [f32]) -> f32 {
     let mut maxima = [f32::NEG_INFINITY; LANES];
     let (chunks, rest) = row.as_chunks::<LANES>();
@@ -189,7 +189,7 @@ pub(super) fn exponentials(row: &mut [f32]) -> f32 {
 /// Sums run in so many lanes, in one order on every machine.
 const LANES: usize = 16;
 
-/// The sum of `value` over a slice.
+/// Returns the sum of `value` over a slice.
 pub(super) fn sum(values: &[f32], value: impl Fn(f32) -> f32) -> f32 {
     let (chunks, rest) = values.as_chunks::<LANES>();
     let mut sums = [0.0; LANES];

@@ -1,4 +1,4 @@
-//! What the network takes, before it is read.
+//! This module predicts what the network takes, before it is read.
 
 use super::PATCH_PX;
 use super::block::BAND_QUERIES;
@@ -14,13 +14,13 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// Both together; saturates.
+    /// Returns the sum of both, which saturates.
     pub fn total(&self) -> u64 {
         self.weights.saturating_add(self.activations)
     }
 }
 
-/// The peak for so many views of one size, with `n_threads` at work.
+/// Returns the peak for so many views of one size, with `n_threads` at work.
 pub fn memory(
     model: &Model,
     n_views: usize,

@@ -1,7 +1,7 @@
-//! Depth, confidence and cameras from photographs alone: the inference of Depth Anything 3 (Lin
-//! et al. 2025, arXiv 2511.10647; its program is under Apache-2.0), whose backbone is after
-//! DINOv2 (Oquab et al. 2023, Apache-2.0). An independent implementation; weights are not
-//! included and have their own licences.
+//! This module finds depth, confidence and cameras from photographs alone. It is an independent
+//! implementation of the inference of Depth Anything 3 (Lin et al. 2025, arXiv 2511.10647; its
+//! program is under Apache-2.0), whose backbone is after DINOv2 (Oquab et al. 2023, Apache-2.0).
+//! Weights are not included and have their own licences.
 //!
 //! Everything is f32, and the same bytes for any number of threads on one machine. Images are
 //! `[views][3][height][width]`, everything inside is `[token][channel]` or
@@ -58,7 +58,7 @@ pub struct Network {
     decoder: CameraDecoder,
 }
 
-/// What the network finds.
+/// The network's predictions for all views.
 #[derive(Clone, Debug)]
 pub struct Prediction {
     /// In the order of the images.
@@ -67,7 +67,7 @@ pub struct Prediction {
     pub reference: usize,
 }
 
-/// What it finds for one view.
+/// The network's predictions for one view.
 #[derive(Clone, Debug)]
 pub struct ViewPrediction {
     /// Camera as the network encodes it; [`decode`] makes a camera of it.
@@ -93,7 +93,7 @@ pub struct Rays {
     pub confidence: Vec<f32>,
 }
 
-/// Which outputs of the network are made.
+/// The outputs of the network that are made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outputs {
     /// Depth, confidence and poses.
@@ -138,14 +138,14 @@ impl Network {
         })
     }
 
-    /// The sizes of the network, told from its weights.
+    /// Returns the sizes of the network, told from its weights.
     pub fn model(&self) -> &Model {
         &self.model
     }
 
-    /// Depth, confidence and pose of every image. `cameras`, one an image at the images' size, are
-    /// what is known of them; poses are predicted all the same. `watch` sees every stage by its
-    /// name: `block_0` and so on, then `depth` for each view.
+    /// Predicts depth, confidence and pose of every image. `cameras`, one an image at the images'
+    /// size, are what is known of them; poses are predicted all the same. `watch` sees every stage
+    /// by its name: `block_0` and so on, then `depth` for each view.
     pub fn predict(
         &self,
         images: &Images,

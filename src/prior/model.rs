@@ -1,4 +1,4 @@
-//! Which model a file of weights holds, told by its tensors' shapes.
+//! This module tells which model a file of weights holds, by its tensors' shapes.
 
 use super::DOWNLOAD;
 use super::weights::Weights;
@@ -52,7 +52,7 @@ impl Model {
         Ok(model)
     }
 
-    /// The name in Depth Anything 3's tables, or the width.
+    /// Returns the name in Depth Anything 3's tables, or the width.
     pub fn name(&self) -> String {
         match (self.channels, self.n_blocks) {
             (384, 12) => "DA3-SMALL".to_owned(),
@@ -63,7 +63,7 @@ impl Model {
         }
     }
 
-    /// What has to be said of the weights' licence before their results are used.
+    /// Returns what has to be said of the weights' licence before their results are used.
     pub fn licence_notice(&self) -> Option<&'static str> {
         (self.channels > WIDEST_FREE).then_some(
             "these weights are under CC BY-NC 4.0: not for commercial use, and with attribution; what \
@@ -72,7 +72,7 @@ impl Model {
     }
 }
 
-/// Models of the same family that have another layout.
+/// Refuses models of the same family that have another layout.
 fn refuse_others(weights: &Weights) -> Result<()> {
     let has = |part: &str| weights.names().any(|name| name.contains(part));
     let what = if has("model.da3.") || has("da3_metric") {
@@ -93,14 +93,16 @@ fn sizes(weights: &Weights) -> Option<Model> {
     let first = |name: &str| weights.shape(name).and_then(|shape| shape.first().copied());
     let block = |i: usize, part: &str| first(&format!("backbone.pretrained.blocks.{i}.{part}"));
     let channels = *weights.shape("backbone.pretrained.cls_token")?.last()?;
-    // The highest number counts: where a tensor of a block is missing the file is damaged, not another.
+    // The highest number counts: where a tensor of a block is missing the file is damaged, not
+    // another.
     let number = |name: String| {
         let (_, rest) = name.split_once("backbone.pretrained.blocks.")?;
         rest.split_once('.')?.0.parse::<usize>().ok()
     };
     let n_blocks = weights.names().filter_map(number).max()?.checked_add(1)?;
     let (_, outputs) = *OUTPUTS.iter().find(|(n, _)| *n == n_blocks)?;
-    // Any of the four tells where they begin: where one is missing the file is damaged, not another.
+    // Any of the four tells where they begin: where one is missing the file is damaged, not
+    // another.
     let qk_norm = |i: usize| {
         let parts = [
             "q_norm.weight",

@@ -1,4 +1,4 @@
-//! Poses as the network has them: encoded in nine numbers, decoded, normalised.
+//! This module has poses as the network has them: encoded in nine numbers, decoded, normalised.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -55,7 +55,7 @@ impl CameraEncoder {
         })
     }
 
-    /// `[views][channels]`.
+    /// Encodes cameras to tokens, `[views][channels]`.
     pub(crate) fn apply(&self, encodings: &[PoseEncoding]) -> Vec<f32> {
         let mut hidden = self.fc1.apply(encodings.as_flattened());
         gelu(&mut hidden);
@@ -87,7 +87,7 @@ impl CameraDecoder {
         })
     }
 
-    /// One encoding for each row of `[views][2 channels]`.
+    /// Decodes tokens to one encoding for each row of `[views][2 channels]`.
     pub(crate) fn apply(&self, tokens: &[f32]) -> Vec<PoseEncoding> {
         let mut x = tokens.to_vec();
         for layer in &self.hidden {
@@ -107,7 +107,8 @@ impl CameraDecoder {
     }
 }
 
-/// The camera that an encoding stands for, with its principal point in the middle of the image.
+/// Returns the camera that an encoding stands for, with its principal point in the middle of the
+/// image.
 ///
 /// # Errors
 /// Values that are not finite, or a quaternion of no length.
@@ -136,7 +137,7 @@ pub fn decode(encoding: &PoseEncoding, name: &str, width: u32, height: u32) -> R
     })
 }
 
-/// A camera's encoding. Its principal point is not in it.
+/// Encodes a camera. Its principal point is not in it.
 pub fn encode(camera: &Camera) -> PoseEncoding {
     let center = camera.center();
     let [x, y, z, w] = quaternion(camera.rotation.transpose());
@@ -145,7 +146,8 @@ pub fn encode(camera: &Camera) -> PoseEncoding {
     [center.x, center.y, center.z, x, y, z, w, v, h].map(|value| value as f32)
 }
 
-/// The quaternion (x y z w, w not negative) of a rotation, by the largest of its four candidates.
+/// Returns the quaternion (x y z w, w not negative) of a rotation, by the largest of its four
+/// candidates.
 fn quaternion(rotation: DMat3) -> [f64; 4] {
     let [a, b, c] = [rotation.row(0), rotation.row(1), rotation.row(2)];
     // Four times the square of w, x, y and z.
@@ -175,8 +177,8 @@ fn quaternion(rotation: DMat3) -> [f64; 4] {
     [x, y, z, w].map(|value| sign * value)
 }
 
-/// Cameras in the frame of the first, and in a unit in which the median of their distances from
-/// it is 1: the lower of two medians, the first camera's 0 among them.
+/// Returns the cameras in the frame of the first, and in a unit in which the median of their
+/// distances from it is 1: the lower of two medians, the first camera's 0 among them.
 pub fn normalized(cameras: &[Camera]) -> Vec<Camera> {
     let Some(first) = cameras.first() else {
         return Vec::new();

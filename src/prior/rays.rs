@@ -1,9 +1,9 @@
-//! Cameras from rays: slower than the camera decoder, and by its authors more accurate (Lin et al.
-//! 2025).
+//! This module finds cameras from rays, which is slower than the camera decoder and by its authors
+//! more accurate (Lin et al. 2025).
 //!
 //! A ray's direction on the plane at depth 1 is a homography of its place in the image, the
-//! camera's rotation after the inverse of its lens. It is found by RANSAC (Fischler and Bolles 1981)
-//! over direct linear transforms (Hartley and Zisserman 2004, section 4.1).
+//! camera's rotation after the inverse of its lens. It is found by RANSAC (Fischler and Bolles
+//! 1981) over direct linear transforms (Hartley and Zisserman 2004, section 4.1).
 
 use glam::{DMat3, DVec2, DVec3};
 use nalgebra::{Matrix3, SMatrix, SymmetricEigen};
@@ -23,14 +23,15 @@ const SURE_SHARE: f64 = 0.3;
 /// How far a ray may miss its place on the plane and still count.
 const MISS: f64 = 0.2;
 
-/// A ray: where it is in the image, between -1 and 1, where it meets the plane, and how much it counts.
+/// A ray: where it is in the image, between -1 and 1, where it meets the plane, and how much it
+/// counts.
 struct Ray {
     place: DVec2,
     target: DVec2,
     weight: f64,
 }
 
-/// The camera that the rays of an image come from, of that size in pixels.
+/// Finds the camera that the rays of an image come from, of that size in pixels.
 ///
 /// # Errors
 /// Too few rays that tell something, or rays of no camera.
@@ -73,7 +74,7 @@ fn found(rays: &Rays, name: &str, width: u32, height: u32) -> Option<Camera> {
     is_finite.then_some(camera)
 }
 
-/// The rays that count, with their origins.
+/// Chooses the rays that count, with their origins.
 fn usable(rays: &Rays) -> Vec<(Ray, DVec3)> {
     let (w, h) = (rays.width as f64, rays.height as f64);
     let pixels = rays.rays.iter().zip(&rays.confidence).enumerate();
@@ -93,7 +94,7 @@ fn usable(rays: &Rays) -> Vec<(Ray, DVec3)> {
     pixels.filter_map(ray).collect()
 }
 
-/// From places to targets, by most of the rays.
+/// Finds the homography from places to targets that most of the rays agree with.
 fn homography(all: &[(Ray, DVec3)]) -> Option<DMat3> {
     let mut sure: Vec<usize> = (0..all.len()).collect();
     sure.sort_by(|a, b| all[*b].0.weight.total_cmp(&all[*a].0.weight));
@@ -124,7 +125,7 @@ fn meets(matrix: &DMat3, ray: &Ray) -> bool {
     (p.truncate() / p.z).distance(ray.target) < MISS
 }
 
-/// The homography of least algebraic error, from the normal equations' smallest eigenvector.
+/// Finds the homography of least algebraic error, from the normal equations' smallest eigenvector.
 fn linear_transform<'a>(rays: impl Iterator<Item = &'a Ray>) -> Option<DMat3> {
     let mut normal = SMatrix::<f64, 9, 9>::zeros();
     for Ray {
@@ -152,8 +153,8 @@ fn linear_transform<'a>(rays: impl Iterator<Item = &'a Ray>) -> Option<DMat3> {
     matrix.is_finite().then_some(matrix)
 }
 
-/// A rotation and a lower triangular matrix of positive diagonal, whose last entry is 1, that
-/// multiply to the matrix up to its size.
+/// Splits a matrix into a rotation and a lower triangular matrix of positive diagonal, whose last
+/// entry is 1, that multiply to the matrix up to its size.
 fn split(matrix: DMat3) -> Option<(DMat3, DMat3)> {
     let matrix = if matrix.determinant() < 0.0 {
         -matrix

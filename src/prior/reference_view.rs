@@ -1,7 +1,8 @@
-//! The view in whose frame the others are found.
+//! This module chooses the view in whose frame the others are found.
 
-/// The view whose class token is the most ordinary in three measures: mean cosine to the others,
-/// length, and variance of its direction; the first of equals. `tokens` are of at least two views.
+/// Chooses the view whose class token is the most ordinary in three measures: mean cosine to the
+/// others, length, and variance of its direction; the first of equals. `tokens` are of at least two
+/// views.
 pub(super) fn choose(tokens: &[&[f32]]) -> usize {
     let n = tokens.len() as f64;
     let tokens: Vec<Vec<f64>> = tokens

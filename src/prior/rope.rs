@@ -1,4 +1,4 @@
-//! Rotary position embedding in two dimensions (Su et al. 2021; Heo et al. 2024).
+//! This is rotary position embedding in two dimensions (Su et al. 2021; Heo et al. 2024).
 
 /// Base of the frequencies.
 const BASE: f64 = 100.0;
@@ -13,13 +13,15 @@ pub(super) struct Rope {
 }
 
 impl Rope {
-    /// The special token is at (0, 0) and patch (r, c) at (r + 1, c + 1).
+    /// Makes the turns of a grid of patches: the special token is at (0, 0) and patch `(r, c)` at
+    /// `(r + 1, c + 1)`.
     pub(crate) fn of_grid(rows: usize, columns: usize, head_dim: usize) -> Rope {
         let patches = (0..rows).flat_map(|r| (0..columns).map(move |c| [r + 1, c + 1]));
         Self::new(std::iter::once([0, 0]).chain(patches).collect(), head_dim)
     }
 
-    /// Every patch is at (1, 1), which only tells them from the special token.
+    /// Makes turns without a place: every patch is at (1, 1), which only tells them from the
+    /// special token.
     pub(crate) fn without_place(n_patches: usize, head_dim: usize) -> Rope {
         let patches = std::iter::repeat_n([1, 1], n_patches);
         Self::new(std::iter::once([0, 0]).chain(patches).collect(), head_dim)

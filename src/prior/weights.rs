@@ -1,4 +1,4 @@
-//! The file of weights: `model.safetensors` as the hub has it.
+//! This module reads the file of weights: `model.safetensors` as the hub has it.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -34,7 +34,7 @@ impl Weights {
         open(path).map_err(|e| e.at_path(path))
     }
 
-    /// Whether tensors are only checked from now on.
+    /// Sets whether tensors are only checked from now on.
     pub(crate) fn set_dry(&mut self, dry: bool) {
         self.dry = dry;
     }
@@ -43,7 +43,7 @@ impl Weights {
         &self.path
     }
 
-    /// Numbers in all tensors.
+    /// Returns the count of numbers in all tensors.
     pub(crate) fn n_parameters(&self) -> u64 {
         let sizes = self.metadata.tensors().into_values();
         let counts = sizes.map(|info| info.shape.iter().map(|n| *n as u64).product::<u64>());
@@ -54,7 +54,7 @@ impl Weights {
         self.metadata.offset_keys().into_iter()
     }
 
-    /// The shape of a tensor, if it is there.
+    /// Returns the shape of a tensor, `None` if it is not there.
     pub(crate) fn shape(&self, name: &str) -> Option<&[usize]> {
         self.info(name).map(|info| info.shape.as_slice())
     }
@@ -63,7 +63,7 @@ impl Weights {
         self.metadata.info(&full_name(name))
     }
 
-    /// The values of a tensor that must be there, in this shape, finite.
+    /// Reads the values of a tensor that must be there, in this shape, finite.
     ///
     /// # Errors
     /// Any other tensor, by its name; a file that cannot be read.
@@ -134,7 +134,7 @@ fn widened(bytes: &[u8], widen: impl Fn(u16) -> f32) -> Vec<f32> {
         .collect()
 }
 
-/// A number of IEEE 754's binary16.
+/// Converts a number of IEEE 754's binary16.
 fn half(bits: u16) -> f32 {
     let sign = if bits >> 15 == 0 { 1.0 } else { -1.0 };
     let exponent = i32::from(bits >> 10 & 31);
@@ -199,8 +199,8 @@ fn open(path: &Path) -> Result<Weights> {
     })
 }
 
-/// What a name says of weights in several files, as large models' are stored: their index, or
-/// `model-00001-of-00002.safetensors`.
+/// Returns what a name says of weights in several files, as large models' are stored: their index,
+/// or `model-00001-of-00002.safetensors`.
 fn in_several_files(path: &Path) -> Option<&'static str> {
     let name = path.file_name()?.to_string_lossy();
     if name.ends_with(".safetensors.index.json") {
@@ -213,7 +213,7 @@ fn in_several_files(path: &Path) -> Option<&'static str> {
     (is_number(i) && is_number(n) && !is_one).then_some("is one of several files of weights")
 }
 
-/// What else a file may be that was given for weights.
+/// Returns the error for a file that holds no weights, which names what else it may be.
 fn not_weights(head: &[u8], why: &str) -> Error {
     let what = if head.starts_with(b"version ") {
         "is a Git LFS pointer, not the weights it stands for"
