@@ -1,11 +1,11 @@
-//! How a key is declared: `key: type = default, rule;` under a comment that says what it means.
+//! A key is declared as `key: type = default, rule;` under a comment that says what it means.
 //!
 //! The struct with its reading and writing, the defaults, the checks ([`super::validate`]) and the
 //! reference ([`super::reference`]) all come from that one line.
 
 use std::fmt::{self, Display};
 
-/// What a key may be, and what a reader should know beside its meaning.
+/// The rule of a key: its allowed values, and what a reader should know beside its meaning.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rule {
     /// The numbers that pass validation.
@@ -43,12 +43,12 @@ pub struct Interval {
 }
 
 impl Rule {
-    /// The same rule with a unit for the reference.
+    /// Returns the same rule with a unit for the reference.
     pub const fn unit(self, unit: &'static str) -> Rule {
         Rule { unit, ..self }
     }
 
-    /// The same rule with the paper's symbol or equation for the reference.
+    /// Returns the same rule with the paper's symbol or equation for the reference.
     pub const fn paper(self, paper: &'static str) -> Rule {
         Rule { paper, ..self }
     }
@@ -71,42 +71,42 @@ const fn interval(low: f64, low_open: bool, high: f64, high_open: bool) -> Rule 
     }))
 }
 
-/// Whatever the type holds.
+/// Allows whatever the type holds.
 pub(crate) const fn any() -> Rule {
     rule(Allowed::Any)
 }
 
-/// From `low` to `high`, both included.
+/// Allows numbers from `low` to `high`, both included.
 pub(crate) const fn within(low: f64, high: f64) -> Rule {
     interval(low, false, high, false)
 }
 
-/// From `low` to `high`, `low` excluded.
+/// Allows numbers from `low` to `high`, `low` excluded.
 pub(crate) const fn above_to(low: f64, high: f64) -> Rule {
     interval(low, true, high, false)
 }
 
-/// From `low` to `high`, `high` excluded.
+/// Allows numbers from `low` to `high`, `high` excluded.
 pub(crate) const fn from_below(low: f64, high: f64) -> Rule {
     interval(low, false, high, true)
 }
 
-/// From `low` to `high`, both excluded.
+/// Allows numbers from `low` to `high`, both excluded.
 pub(crate) const fn between(low: f64, high: f64) -> Rule {
     interval(low, true, high, true)
 }
 
-/// Any finite number above 0.
+/// Allows any finite number above 0.
 pub(crate) const fn positive() -> Rule {
     between(0.0, f64::INFINITY)
 }
 
-/// Any finite number from `low`.
+/// Allows any finite number from `low`.
 pub(crate) const fn at_least(low: f64) -> Rule {
     from_below(low, f64::INFINITY)
 }
 
-/// 0, or from `low` to `high`.
+/// Allows 0, or numbers from `low` to `high`.
 pub(crate) const fn zero_or(low: f64, high: f64) -> Rule {
     rule(Allowed::ZeroOr(Interval {
         low,
@@ -116,7 +116,7 @@ pub(crate) const fn zero_or(low: f64, high: f64) -> Rule {
     }))
 }
 
-/// The side of a window that has a middle pixel.
+/// Allows the side of a window that has a middle pixel.
 pub(crate) const fn odd_window() -> Rule {
     rule(Allowed::Odd(63.0))
 }
@@ -138,7 +138,7 @@ impl Interval {
 }
 
 impl Allowed {
-    /// Whether `x` is allowed.
+    /// Returns whether `x` is allowed.
     pub fn holds(&self, x: f64) -> bool {
         match self {
             Allowed::Any => true,
@@ -190,7 +190,7 @@ pub(crate) struct Entry {
     pub is_section: bool,
 }
 
-/// What a key can hold.
+/// A type that a key can hold.
 pub(crate) trait Value {
     const NULLABLE: bool = false;
     const CHOICES: &'static [&'static str] = &[];

@@ -1,4 +1,4 @@
-//! The configuration: its keys, the presets, overrides and checks.
+//! The configuration has its keys, the presets, overrides and checks here.
 //!
 //! Every key is declared once, in `schema.rs`: its type, default, range, unit and meaning. The
 //! defaults are the preset `paper`. Another preset is a JSON file in `configs/` that states what it

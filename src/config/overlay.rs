@@ -1,7 +1,7 @@
 //! A config is a preset, overlaid by a file, overlaid by `key=value` settings.
 //!
-//! A config is edited as JSON: what the declared config does not have is an unknown key. Each new value is checked against the schema the moment it is set,
-//! so that the error names its key.
+//! A config is edited as JSON: what the declared config does not have is an unknown key. Each new
+//! value is checked against the schema the moment it is set, so that the error names its key.
 
 use std::path::Path;
 
@@ -56,7 +56,7 @@ pub const PRESETS: &[(&str, &str)] = &[
 ];
 
 impl Config {
-    /// The preset of this name; a usage error lists those that exist.
+    /// Returns the preset of this name; a usage error lists those that exist.
     pub fn preset(name: &str) -> Result<Config> {
         let Some((_, text)) = PRESETS.iter().find(|(known, _)| *known == name) else {
             let names = PRESETS.iter().map(|(known, _)| *known);
@@ -76,15 +76,16 @@ impl Config {
             .map_err(|e| e.at(format!("preset `{name}`")))
     }
 
-    /// The config of a file: a JSON object that states what it changes and, under `"preset"`,
-    /// what it changes it from (`gspotential` unless stated). The `config.json` of a run is one, too.
-    /// The values' ranges are left to [`Config::validate`].
+    /// Returns the config of a file: a JSON object that states what it changes and, under
+    /// `"preset"`, what it changes it from (`gspotential` unless stated). The `config.json` of a
+    /// run is one, too. The values' ranges are left to [`Config::validate`].
     pub fn from_file(path: &Path) -> Result<Config> {
         let bytes = read_file(path)?;
         Self::overlay_of(&bytes, || Config::preset(PRESETS[0].0)).map_err(|e| e.at_path(path))
     }
 
-    /// The config that `bytes`, a JSON object, makes of the preset that it names, or of `unnamed`.
+    /// Returns the config that `bytes`, a JSON object, makes of the preset that it names, or of
+    /// `unnamed`.
     fn overlay_of(bytes: &[u8], unnamed: impl FnOnce() -> Result<Config>) -> Result<Config> {
         let overlay: Value = serde_json::from_slice(bytes)
             .map_err(|e| Error::usage(format!("not valid JSON: {e}")))?;
@@ -120,7 +121,7 @@ impl Config {
         self.overlaid(nested)
     }
 
-    /// The config with every value that `overlay`, an object, has.
+    /// Returns the config with every value that `overlay`, an object, has.
     fn overlaid(&self, overlay: Value) -> Result<Config> {
         let mut tree = self.tree()?;
         let mut leaves = Vec::new();
@@ -136,8 +137,8 @@ impl Config {
         Ok(config)
     }
 
-    /// Every value in which this config differs from another, the preset's name aside: its key,
-    /// the value here and there.
+    /// Returns every value in which this config differs from another, the preset's name aside: its
+    /// key, the value here and there.
     ///
     /// # Errors
     /// A config that cannot be written.
@@ -153,8 +154,8 @@ impl Config {
         Ok(values.collect())
     }
 
-    /// The values that differ from the preset's, by dotted key in the order of the keys; the seed
-    /// is none of them.
+    /// Returns the values that differ from the preset's, by dotted key in the order of the keys;
+    /// the seed is none of them.
     pub fn changes(&self) -> Result<Vec<(String, Value)>> {
         let differences = self.differences(&Config::preset(&self.preset)?)?;
         let changes = differences.into_iter().map(|(key, value, _)| (key, value));
@@ -176,7 +177,7 @@ impl Config {
         serde_json::to_value(self).map_err(|e| Error::new(format!("config: {e}")))
     }
 
-    /// The whole config as indented JSON with a newline at the end.
+    /// Returns the whole config as indented JSON with a newline at the end.
     pub fn to_json(&self) -> Result<String> {
         serde_json::to_string_pretty(self)
             .map(|text| text + "\n")
@@ -250,7 +251,7 @@ fn list_keys(tree: &Value, prefix: &str, keys: &mut Vec<String>) {
     }
 }
 
-/// JSON pointer of a dotted key; that of the empty key is the whole.
+/// Returns the JSON pointer of a dotted key; that of the empty key is the whole.
 pub(super) fn pointer(key: &str) -> String {
     if key.is_empty() {
         String::new()
@@ -259,8 +260,8 @@ pub(super) fn pointer(key: &str) -> String {
     }
 }
 
-/// The nearest of the names that serde's message expects, as in "expected `a` or `b`", to the
-/// JSON string `shown`: so that no second list of an enum's names exists.
+/// Returns the nearest of the names that serde's message expects, as in "expected `a` or `b`", to
+/// the JSON string `shown`: so that no second list of an enum's names exists.
 fn near_choice(shown: &str, why: &str) -> Option<String> {
     let wrong: String = serde_json::from_str(shown).ok()?;
     let (_, expected) = why.split_once(", expected ")?;

@@ -1,4 +1,4 @@
-//! The reference of all keys, from their declaration.
+//! This module makes the reference of all keys from their declaration.
 
 use std::fmt::Write as _;
 
@@ -12,11 +12,11 @@ use crate::error::{Error, Result};
 /// A key of the config.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Key {
-    /// As `--set` takes it, `section.name`.
+    /// Dotted name as `--set` takes it, `section.name`.
     pub key: String,
-    /// What it means, one line.
+    /// Meaning, one line.
     pub doc: String,
-    /// What it may be, its unit and its place in the paper.
+    /// Allowed values, unit and place in the paper.
     pub rule: Rule,
     /// The words that it may be; empty for what is no word.
     pub choices: &'static [&'static str],
@@ -27,13 +27,13 @@ pub struct Key {
 }
 
 impl Key {
-    /// Whether the presets have different values for it, as all have for their own name.
+    /// Returns whether the presets have different values for it; their own names always differ.
     pub fn differs(&self) -> bool {
         self.key != "preset" && self.values.iter().any(|value| *value != self.values[0])
     }
 }
 
-/// What a preset is for, one line; empty for an unknown one.
+/// Returns in one line what a preset is for; empty for an unknown one.
 pub fn summary(preset: &str) -> &'static str {
     match preset {
         "paper" => "the paper's method: virtual views, coverage-aware pruning and densification",
@@ -60,7 +60,7 @@ pub fn summary(preset: &str) -> &'static str {
     }
 }
 
-/// Every key in the order of its declaration.
+/// Returns every key in the order of its declaration.
 ///
 /// # Errors
 /// A preset that is no config.
@@ -91,8 +91,8 @@ fn key(entry: Entry, presets: &[Value]) -> Result<Key> {
     })
 }
 
-/// Every key with its values in the presets, its meaning, unit, range and place in the paper: a
-/// list in Markdown under a heading for each section.
+/// Returns every key with its values in the presets, its meaning, unit, range and place in the
+/// paper: a list in Markdown under a heading for each section.
 ///
 /// # Errors
 /// A preset that is no config.
@@ -116,7 +116,8 @@ pub fn reference() -> Result<String> {
 /// How many presets with one value are named; more are "all others".
 const MOST_NAMED: usize = 3;
 
-/// `` `key` = value, other in `preset`. What it means. Unit: R. Allowed: 0 to 1. Paper: Eq. 1.``
+/// Returns the line `` `key` = value, other in `preset`. What it means. Unit: R. Allowed: 0 to 1.
+/// Paper: Eq. 1.``
 fn line(key: &Key) -> String {
     let mut line = format!("`{}` = {}", key.key, key.values[0]);
     if key.differs() {

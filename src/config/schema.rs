@@ -1,4 +1,4 @@
-//! Every key: its type, its default, what it may be and what it means.
+//! Every key is declared here: its type, its default, what it may be and what it means.
 //!
 //! Lengths are relative to the sphere radius `R`. The defaults are the preset `paper`.
 

@@ -1,4 +1,4 @@
-//! The checks: each key's declared range, and the rules between two keys.
+//! This module checks each key's declared range, and the rules between two keys.
 
 use std::fmt::Display;
 
@@ -25,14 +25,14 @@ impl Config {
         self.validate_pairs()
     }
 
-    /// Every section and key with its value, in the order of the declaration.
+    /// Returns every section and key with its value, in the order of the declaration.
     pub(super) fn entries(&self) -> Vec<Entry> {
         let mut entries = Vec::new();
         self.list("", "", any(), &mut entries);
         entries
     }
 
-    /// Values of which one bounds the other from above.
+    /// Refuses pairs of values of which one bounds the other from above and does not.
     fn validate_orders(&self) -> Result<()> {
         let (optimizer, densify, coverage) = (&self.optimizer, &self.densify, &self.coverage);
         ordered(
