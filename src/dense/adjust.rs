@@ -1,11 +1,11 @@
-//! Bundle adjustment without a network: cameras and one scale a depth map, refined until the views
+//! Bundle adjustment without a network refines cameras and one scale a depth map until the views
 //! agree on where surfaces are and what colour they have.
 //!
 //! A sample pixel of one view becomes a point, which is looked for in another view. Two residuals
-//! compare: the logarithm of its depth with that of the other's depth map, and its brightness
-//! with the other's. Both are robust (Geman and McClure 1987), so that what is hidden or
-//! reflects does not pull. Gauss-Newton steps with Levenberg's damping go from coarse to fine
-//! images. The first view's pose holds the frame; what the views are expected to be off holds the unit.
+//! compare: the logarithm of its depth with that of the other's depth map, and its brightness with
+//! the other's. Both are robust (Geman and McClure 1987), so that what is hidden or reflects does
+//! not pull. Gauss-Newton steps with Levenberg's damping go from coarse to fine images. The first
+//! view's pose holds the frame; what the views are expected to be off holds the unit.
 
 use glam::DVec2;
 use nalgebra::{DMatrix, DVector};
@@ -35,26 +35,27 @@ const BRIGHTNESS_SIZE: f64 = 0.05;
 /// median depth, and of its depths' scale.
 const EXPECTED: [f64; 3] = [0.035, 0.03, 0.05];
 const PRIOR_SAMPLES: f64 = 100.0;
-/// Share of the residual that has to go before the views are moved. Images that are not quite alike and
-/// depths between pixels let cameras gain less that are right: exact ones gained 0 to 1.5 % in three scenes
-/// and were moved by up to 0.4 degrees, those off by a degree gained 8 to 26 % (`benches/photographs.rs`).
+/// Share of the residual that has to go before the views are moved. Images that are not quite alike
+/// and depths between pixels let cameras gain less that are right: exact ones gained 0 to 1.5 % in
+/// three scenes and were moved by up to 0.4 degrees, those off by a degree gained 8 to 26 %
+/// (`benches/photographs.rs`).
 const LEAST_FALL: f64 = 0.05;
 /// Steps for derivatives: radians, shares of the median depth, and logarithms.
 const DIFFERENCE: f64 = 1e-4;
 
-/// What came of it.
+/// The outcome of an adjustment.
 #[derive(Clone, Debug)]
 pub struct Adjusted {
     /// The views as refined, or as they were.
     pub maps: Vec<DepthMap>,
-    /// Mean robust residual between 0 and 1 before and after, at pixels that were not used; the latter
-    /// also where it was not kept.
+    /// Mean robust residual between 0 and 1 before and after, at pixels that were not used; the
+    /// latter also where it was not kept.
     pub residual: [f64; 2],
-    /// Whether it fell by enough, and so was kept.
+    /// Whether the residual fell by enough, so that the refined views are kept.
     pub kept: bool,
 }
 
-/// What is refined of a view.
+/// The parameters of a view that are refined.
 #[derive(Clone)]
 struct State {
     camera: Camera,
@@ -155,7 +156,7 @@ struct Problem<'a> {
 type Steps = [[f64; PARAMETERS]; PARAMETERS];
 
 impl<'a> Problem<'a> {
-    /// `phase` 0 or 1 takes other sample pixels.
+    /// Sets the problem up for one blur; `phase` 0 and 1 take different sample pixels.
     fn new(maps: &'a [DepthMap], blur: usize, phase: usize, unit: f64) -> Problem<'a> {
         let samples = |map: &DepthMap| {
             let (w, h) = (map.camera.width as usize, map.camera.height as usize);
@@ -176,7 +177,7 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Ordered pairs of views.
+    /// Returns ordered pairs of views.
     fn pairs(&self) -> Vec<(usize, usize)> {
         let n = self.maps.len();
         (0..n)
@@ -184,8 +185,8 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
-    /// Depth and brightness of a sample of view `i` against view `j`, in units of their sizes;
-    /// none where `j` does not see it.
+    /// Returns depth and brightness of a sample of view `i` against view `j`, in units of their
+    /// sizes; none where `j` does not see it.
     fn residuals(
         &self,
         (i, from): (usize, &State),
@@ -208,7 +209,7 @@ impl<'a> Problem<'a> {
         ])
     }
 
-    /// The mean robust residual; what is not seen counts as the worst.
+    /// Returns the mean robust residual; what is not seen counts as the worst.
     fn residual(&self, states: &[State]) -> f64 {
         let sums = self.pairs().into_par_iter().map(|(i, j)| {
             let costs = self.samples[i].iter().map(|sample| {
@@ -230,7 +231,7 @@ impl<'a> Problem<'a> {
         (2 * n * (self.maps.len() - 1)).max(1) as f64
     }
 
-    /// Robust residuals and what the views may be expected to be off.
+    /// Returns the cost: robust residuals and a prior on how far views are off.
     fn cost(&self, states: &[State], initial: &[State]) -> f64 {
         let offs = states.iter().zip(initial).flat_map(|(state, first)| {
             let off = self.off(state, first);
@@ -239,7 +240,7 @@ impl<'a> Problem<'a> {
         self.residual(states) * self.n_residuals() + PRIOR_SAMPLES * offs.sum::<f64>()
     }
 
-    /// How far a view is from where it began: turn, shift in median depths, scale.
+    /// Returns how far a view is from where it began: turn, shift in median depths, scale.
     fn off(&self, state: &State, first: &State) -> [f64; PARAMETERS] {
         let turn =
             glam::DQuat::from_mat3(&(state.camera.rotation * first.camera.rotation.transpose()));
@@ -257,7 +258,7 @@ impl<'a> Problem<'a> {
         ]
     }
 
-    /// Half of the cost's curvature and slope by all views' parameters.
+    /// Returns half of the cost's curvature and slope by all views' parameters.
     fn normal(&self, states: &[State], initial: &[State]) -> (DMatrix<f64>, DVector<f64>) {
         let mut steps: Steps = [[0.0; PARAMETERS]; PARAMETERS];
         for (k, step) in steps.iter_mut().enumerate() {
@@ -351,7 +352,7 @@ impl<'a> Problem<'a> {
         (curvature, slope)
     }
 
-    /// The views after a damped step; the first one's pose stays.
+    /// Returns the views after a damped step; the first one's pose stays.
     fn step(
         &self,
         states: &[State],
@@ -375,7 +376,7 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// The depth between four pixels of one surface.
+/// Returns the depth between four pixels of one surface.
 fn interpolated(map: &DepthMap, place: DVec2) -> Option<f64> {
     let corner = place - DVec2::splat(0.5);
     if corner.x < 0.0 || corner.y < 0.0 {

@@ -1,4 +1,5 @@
-//! Depth maps to a cloud: the surest pixels, without edges and without what another view denies.
+//! This module makes a cloud of depth maps: of their surest pixels, without edges and without what
+//! another view denies.
 
 use rayon::prelude::*;
 
@@ -9,7 +10,7 @@ use crate::scene::PointCloud;
 /// Depths of two views agree within this share.
 const AGREEMENT: f64 = 0.05;
 
-/// What a cloud is made of.
+/// Options that say which pixels become points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CloudOptions {
     /// Share of each view's pixels that are kept, the surest.
@@ -38,11 +39,12 @@ enum Pixel {
     Denied,
 }
 
-/// One cloud from all views, view by view and row by row.
+/// Makes one cloud from all views, view by view and row by row.
 ///
 /// A view denies a point where it sees through it: its own surface lies farther behind the point
 /// than both depths may be wrong. A point that more views deny than confirm goes; one that is
-/// denied at all loses confidence in proportion. What lies behind a view's surface is hidden from it and neither.
+/// denied at all loses confidence in proportion. A point behind a view's surface is hidden
+/// from it and counts neither way.
 pub fn cloud(maps: &[DepthMap], options: CloudOptions) -> Cloud {
     let mut cloud = Cloud::default();
     let mut confidences = Vec::new();
@@ -75,7 +77,7 @@ pub fn cloud(maps: &[DepthMap], options: CloudOptions) -> Cloud {
     cloud
 }
 
-/// The confidence below which this share of a view's pixels lies.
+/// Returns the confidence below which this share of a view's pixels lies.
 fn quantile(map: &DepthMap, share: f64) -> f32 {
     let mut sorted = map.confidence.clone();
     let Some(last) = sorted.len().checked_sub(1) else {

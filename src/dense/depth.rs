@@ -1,10 +1,10 @@
-//! Depth maps with their cameras.
+//! This module holds depth maps with their cameras.
 
 use glam::{DVec2, DVec3};
 
 use crate::camera::{Camera, Similarity};
 
-/// What is known of one view, `[height][width]` at the camera's size.
+/// A view's depth with its confidence and colours, `[height][width]` at the camera's size.
 #[derive(Clone, Debug)]
 pub struct DepthMap {
     /// Pose and intrinsics, world frame.
@@ -18,13 +18,13 @@ pub struct DepthMap {
 }
 
 impl DepthMap {
-    /// The depth at a pixel, where there is one.
+    /// Returns the depth at a pixel, `None` if there is none.
     pub fn at(&self, x: usize, y: usize) -> Option<f64> {
         let depth = f64::from(*self.depth.get(y * self.camera.width as usize + x)?);
         (depth > 0.0 && depth.is_finite()).then_some(depth)
     }
 
-    /// The pixel that a place in the image lies in.
+    /// Returns the pixel that a place in the image lies in.
     pub fn pixel(&self, place: DVec2) -> Option<(usize, usize)> {
         let inside = place.x >= 0.0
             && place.y >= 0.0
@@ -33,12 +33,12 @@ impl DepthMap {
         inside.then_some((place.x as usize, place.y as usize))
     }
 
-    /// The point of the world that a pixel's centre shows at a depth.
+    /// Returns the point of the world that a pixel's centre shows at a depth.
     pub fn point(&self, x: usize, y: usize, depth: f64) -> DVec3 {
         Self::point_of(&self.camera, x, y, depth)
     }
 
-    /// [`DepthMap::point`] for another camera of the same pixels.
+    /// Does what [`DepthMap::point`] does for another camera of the same pixels.
     pub(super) fn point_of(camera: &Camera, x: usize, y: usize, depth: f64) -> DVec3 {
         let ray = DVec3::new(
             (x as f64 + 0.5 - camera.cx) / camera.fx,
@@ -52,8 +52,8 @@ impl DepthMap {
 /// Fewest points that tell a scale.
 const MIN_POINTS: usize = 8;
 
-/// What all depths must be multiplied by so that known points lie where the maps have them: the
-/// median over all points in all views. None where too few are seen.
+/// Returns the factor that all depths must be multiplied by so that known points lie where the maps
+/// have them: the median over all points in all views. `None` if too few are seen.
 pub fn scale_to_points(maps: &[DepthMap], points: &[DVec3]) -> Option<f64> {
     let seen = maps
         .iter()
@@ -75,7 +75,7 @@ pub fn scale_to_points(maps: &[DepthMap], points: &[DVec3]) -> Option<f64> {
     Some(*ratios.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// What the unit of the `known` cameras is in that of the `found` ones, by their centres: the scale
+/// Returns the unit of the `known` cameras in that of the `found` ones, by their centres: the scale
 /// of the similarity between both, or the ratio of their spreads where they lie on a line. 1 where
 /// they tell nothing.
 pub fn scale_of_cameras(known: &[Camera], found: &[Camera]) -> f64 {

@@ -1,4 +1,4 @@
-//! Pixels between two surfaces.
+//! This module finds pixels between two surfaces.
 
 use super::DepthMap;
 
@@ -7,7 +7,7 @@ use super::DepthMap;
 const EDGE: f64 = 0.02;
 /// The tangent of 80 degrees.
 const STEEPEST: f64 = 5.671;
-/// Whether one of the four neighbours lies on another surface.
+/// Returns whether one of the four neighbours lies on another surface.
 pub(super) fn is_edge(map: &DepthMap, x: usize, y: usize, depth: f64) -> bool {
     let last = (
         map.camera.width as usize - 1,

@@ -1,4 +1,4 @@
-//! Brightness of a view at any place, blurred.
+//! This module tells the brightness of a view at any place, blurred.
 
 use glam::DVec2;
 
@@ -36,7 +36,7 @@ impl Luma {
         }
     }
 
-    /// Between the centres of four squares; none beyond the outermost centres.
+    /// Interpolates between the centres of four squares; `None` beyond the outermost centres.
     pub(crate) fn at(&self, place: DVec2) -> Option<f64> {
         let corner = place / self.side - DVec2::splat(0.5);
         if !(corner.x >= 0.0 && corner.y >= 0.0) {

@@ -1,4 +1,4 @@
-//! Cameras refined and one cloud made from the depth maps of several views.
+//! Cameras are refined here, and one cloud is made from the depth maps of several views.
 
 mod adjust;
 mod cloud;
