@@ -1,4 +1,4 @@
-//! Carving: points that the photographs contradict go.
+//! Carving removes points that the photographs contradict.
 //!
 //! A training photograph shows, in every pixel, the nearest surface of the scene. So a point of
 //! the cloud that a training view has in front must look like the photograph there, or it does
@@ -99,7 +99,7 @@ pub fn carve(
     Ok(carved)
 }
 
-/// The reach in pixels within which a surface of the cloud shows some point.
+/// Returns the reach in pixels within which a surface of the cloud shows some point.
 fn gap(n_pixels: usize, n_points: usize) -> usize {
     let side = (3.0 * n_pixels as f64 / n_points.max(1) as f64).sqrt();
     (0.5 * (side - 1.0)).ceil().max(0.0) as usize
@@ -127,7 +127,7 @@ impl<'a> Witness<'a> {
         }
     }
 
-    /// The points in `z_buffer`, drawn from this view, that its photograph contradicts.
+    /// Returns the points in `z_buffer`, drawn from this view, that its photograph contradicts.
     fn accused(&self, z_buffer: &ZBuffer, colors: &[[u8; 3]], config: &CarveConfig) -> Vec<usize> {
         z_buffer
             .winners()
@@ -142,7 +142,7 @@ impl<'a> Witness<'a> {
             .collect()
     }
 
-    /// Whether a clearly nearer point is so close by that the winner shows through a gap.
+    /// Returns whether a clearly nearer point is so close by that the winner shows through a gap.
     fn is_behind(&self, z_buffer: &ZBuffer, pixel: usize, winner: Winner, tolerance: f64) -> bool {
         let (width, height) = (self.camera.width as usize, self.camera.height as usize);
         let front = f64::from(winner.depth) * (1.0 - tolerance);
@@ -153,7 +153,8 @@ impl<'a> Witness<'a> {
     }
 }
 
-/// How far a colour lies outside a range, in the channel where it lies outside most; 0 to 255.
+/// Returns how far a colour lies outside a range, in the channel where it lies outside most; 0 to
+/// 255.
 fn excess(color: [u8; 3], [low, high]: [[u8; 3]; 2]) -> f64 {
     let [r, g, b] = [0, 1, 2].map(|c| {
         let below = low[c].saturating_sub(color[c]);
@@ -162,13 +163,13 @@ fn excess(color: [u8; 3], [low, high]: [[u8; 3]; 2]) -> f64 {
     f64::from(r.max(g).max(b))
 }
 
-/// The pixels within `reach` of `at` in a row or column of `length`.
+/// Returns the pixels within `reach` of `at` in a row or column of `length`.
 fn window(at: usize, reach: usize, length: usize) -> std::ops::RangeInclusive<usize> {
     at.saturating_sub(reach)..=(at + reach).min(length - 1)
 }
 
-/// Least and greatest value of each channel in the window around every pixel, clipped at the
-/// border: first over rows, then over columns of those.
+/// Returns the least and greatest value of each channel in the window around every pixel, clipped
+/// at the border: first over rows, then over columns of those.
 fn window_ranges(image: &Image, reach: usize) -> Vec<[[u8; 3]; 2]> {
     let (width, height) = (image.width as usize, image.height as usize);
     let n = width * height;

@@ -1,4 +1,4 @@
-//! How much of what a view shows of the cloud the training cameras see, too.
+//! This module measures how much of what a view shows of the cloud the training cameras see, too.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -22,10 +22,10 @@ const CANDIDATE_POINTS: usize = 8192;
 /// independent samples of a share.
 const CANDIDATE_DISCS: usize = 2 * CANDIDATE_POINTS;
 
-/// But no longer side of a candidate's splat is more pixels than this.
+/// Longer side of a candidate's splat at most, pixels.
 const CANDIDATE_PX: u32 = 192;
 
-/// What a view shows of the cloud.
+/// The shares of a view's pixels that the cloud covers, and of these that training cameras see.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Support {
     /// Share of the pixels that a point covers.
@@ -56,8 +56,8 @@ pub struct Visibility {
 }
 
 impl Visibility {
-    /// The visibility of `cloud` where `occluders`, often the same cloud, hide points. Nothing
-    /// nearer than `near * frame.radius` is seen.
+    /// Finds which training cameras see each point of `cloud`; `occluders`, often the same cloud,
+    /// hide points. Nothing nearer than `near * frame.radius` is seen.
     ///
     /// # Errors
     /// More than 2^32 - 2 points, or a training image without pixels.
@@ -112,7 +112,8 @@ impl Visibility {
         })
     }
 
-    /// What each camera, world frame, shows of the cloud, splatted as `splat` says; in parallel.
+    /// Measures what each camera, world frame, shows of the cloud, splatted as `splat` says; in
+    /// parallel.
     ///
     /// # Errors
     /// A largest radius of discs that is too small, an even filter window, or an empty image.
@@ -145,8 +146,8 @@ impl Visibility {
         }
     }
 
-    /// Whether some training camera sees the point of this index from within the greatest angle of
-    /// `eye`, canonical.
+    /// Returns whether some training camera sees the point of this index from within the greatest
+    /// angle of `eye`, canonical.
     pub fn is_seen(&self, point: usize, eye: DVec3) -> bool {
         let x = self.points.position(point);
         let to_eye = eye - x;
@@ -160,7 +161,7 @@ impl Visibility {
     }
 }
 
-/// The visible shares of `candidates`, estimated from splats in miniature.
+/// Returns the visible shares of `candidates`, estimated from splats in miniature.
 ///
 /// # Errors
 /// As [`Visibility::new`] and [`Visibility::measure`].
@@ -194,8 +195,9 @@ pub fn candidate_shares(
 /// Points whose cameras are listed together.
 const POINTS_A_RUN: usize = 1 << 14;
 
-/// Bytes a point that knowing what sees it takes at most, with so many training cameras, beside those of
-/// splatting it. The lists of a run lie beside that of all only while no other cloud does.
+/// Returns the bytes a point that a [`Visibility`] takes at most with so many training cameras,
+/// beside those of splatting it. The lists of a run lie beside that of all only while no other
+/// cloud does.
 pub fn bytes_a_point(n_cameras: usize) -> usize {
     splat::BYTES_A_POINT + size_of::<usize>() + n_cameras * size_of::<u32>()
 }

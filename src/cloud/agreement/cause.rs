@@ -1,4 +1,5 @@
-//! Why cloud and cameras may not belong together: motions of the cloud and changes of a view are tried.
+//! This module looks for why cloud and cameras may not belong together: it tries motions of the
+//! cloud and changes of a view.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -14,10 +15,10 @@ pub(super) const STILL: (DMat3, DVec3) = (DMat3::IDENTITY, DVec3::ZERO);
 /// Points and views that a motion is tried on.
 const MAX_POINTS: usize = 10_000;
 const MAX_VIEWS: usize = 8;
-/// What mends it has colours agree by so much, and by so much more than before.
+/// A change that mends a view has colours agree by so much, and by so much more than before.
 const MENDED: f64 = 2.0 * MIN_AGREEMENT;
-/// If cloud and photographs agree by more than chance, as mirrored images of one place may, this much more
-/// says that something is wrong, and so much where red and blue are exchanged.
+/// If cloud and photographs agree by more than chance, as mirrored images of one place may, this
+/// much more says that something is wrong, and so much where red and blue are exchanged.
 const CLEARLY: f64 = MIN_AGREEMENT;
 const EXCHANGED: f64 = 0.05;
 /// Units are tried from `1 / RANGE` to `RANGE`, `N_UNITS` of them, a few per cent apart.
@@ -33,7 +34,7 @@ struct Motion {
     shift: DVec3,
 }
 
-/// What would make most of the views fit.
+/// Looks for what would make most of the views fit.
 pub(super) fn likely_cause(
     cloud: &PointCloud,
     photos: &[Photo],
@@ -70,7 +71,8 @@ pub(super) fn likely_cause(
         .map(|(score, what)| format!("{what} (colours are then correlated by {score:.2})")))
 }
 
-/// What would make cloud and photographs, which agree, agree clearly better: in every view that tells.
+/// Looks for what would make cloud and photographs, which agree, agree clearly better in every view
+/// that tells.
 pub(super) fn better_still(
     cloud: &PointCloud,
     photos: &[Photo],
@@ -113,21 +115,21 @@ pub(super) fn better_still(
     }))
 }
 
-/// The better of two, the first of equal ones.
+/// Returns the better of two, the first of equal ones.
 fn better<T>(a: (f64, T), b: (f64, T)) -> (f64, T) {
     if b.0 > a.0 { b } else { a }
 }
 
-/// How far the colours agree; 0 where nothing tells.
+/// Returns how far the colours agree; 0 where nothing tells.
 fn agreement(probe: &Probe, photo: &Photo, motion: (DMat3, DVec3)) -> f64 {
     let colors = probe.look(photo, motion).colors;
     colors.map_or(0.0, |colors| colors.agreement)
 }
 
-/// What may be wrong, and what it would be without.
+/// A likely fault in words, and how a photograph looks without it.
 type Change = (&'static str, fn(&Photo) -> Photo);
 
-/// What may be wrong with all views.
+/// Faults that all views may share.
 const CHANGES: [Change; 4] = [
     (
         "the photographs are stored upside down: turn their pixels by 180 degrees, as their EXIF \
@@ -158,7 +160,7 @@ const CHANGES: [Change; 4] = [
     ),
 ];
 
-/// Every other way to name three axes and their directions, mirrored ones included.
+/// Returns every other way to name three axes and their directions, mirrored ones included.
 fn axes() -> Vec<Motion> {
     const ORDERS: [[usize; 3]; 6] = [
         [0, 1, 2],
@@ -197,7 +199,7 @@ fn axes() -> Vec<Motion> {
     motions
 }
 
-/// Other units, about the world's origin and about the cameras.
+/// Returns other units, about the world's origin and about the cameras.
 fn units(center: DVec3) -> Vec<Motion> {
     let about = [(DVec3::ZERO, "the origin"), (center, "the cameras")];
     let steps = (-N_UNITS / 2..=N_UNITS / 2).filter(|step| *step != 0);
@@ -216,7 +218,7 @@ fn units(center: DVec3) -> Vec<Motion> {
         .collect()
 }
 
-/// What would make view `i` fit, where others do.
+/// Looks for what would make view `i` fit, where others do.
 pub(super) fn view_cause(probe: &Probe, photos: &[Photo], i: usize) -> Option<String> {
     let photo = &photos[i];
     let before = agreement(probe, photo, STILL).max(0.0);

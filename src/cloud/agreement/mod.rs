@@ -1,9 +1,9 @@
-//! Whether cloud and cameras belong together: told before anything is trained on them.
+//! This module tells whether cloud and cameras belong together, before anything is trained on them.
 //!
-//! Each training view is asked which share of the cloud it has in its image, and whether the colours
-//! of the nearest points there are those of its photograph, better than by chance ([`Colors`]). If
-//! a view fits nothing, what would mend it is looked for: other axes or another unit of the cloud,
-//! another photograph, a turned one, a camera astray.
+//! Each training view is asked which share of the cloud it has in its image, and whether the
+//! colours of the nearest points there are those of its photograph, better than by chance
+//! ([`Colors`]). If a view fits nothing, what would mend it is looked for: other axes or another
+//! unit of the cloud, another photograph, a turned one, a camera astray.
 //!
 //! Nothing is claimed where nothing can be told: of colours that hardly vary, of a cloud whose
 //! colours are noise (3DGS starts from random points where there is no cloud), of few points.
@@ -47,7 +47,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// In a table's cell.
+    /// Returns the words for a table's cell.
     pub fn name(self) -> &'static str {
         match self {
             Verdict::Fits => "fits",
@@ -62,7 +62,7 @@ impl Verdict {
     }
 }
 
-/// A training view and the cloud.
+/// How a training view and the cloud agree.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ViewAgreement {
     /// Name of the training view.
@@ -71,29 +71,31 @@ pub struct ViewAgreement {
     pub in_front: f64,
     /// Share of the cloud in its image.
     pub in_image: f64,
-    /// None where there is too little to tell by.
+    /// How far colours agree; `None` if there is too little to tell by.
     pub colors: Option<Colors>,
     /// What follows from these figures.
     pub verdict: Verdict,
 }
 
-/// Cloud and training views.
+/// How the cloud and all training views agree.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Agreement {
     /// One entry a training view, in the scene's order.
     pub views: Vec<ViewAgreement>,
-    /// What does not belong together and the likely cause, one line each.
+    /// Lines that say what does not belong together, with the likely cause.
     pub warnings: Vec<String>,
 }
 
 impl Agreement {
-    /// Compares the training views with the cloud of `scene`. Deterministic; takes time in the number of views.
+    /// Compares the training views with the cloud of `scene`. It is deterministic, and takes
+    /// time in the number of views.
     ///
     /// # Errors
     /// No training view sees anything of the cloud.
     pub fn of(scene: &Scene) -> Result<Agreement> {
         let cameras: Vec<&Camera> = scene.train.iter().map(|view| &view.camera).collect();
-        // Masks drop what lies elsewhere than their subject does, as a cloud that does not belong does.
+        // Masks drop what lies elsewhere than their subject does, as a cloud that does not belong
+        // does.
         let cloud = scene.whole_cloud.as_ref().unwrap_or(&scene.cloud);
         let probe = Probe::new(&thin(cloud, MAX_POINTS, 0), middle(&cameras))?;
         let photos: Vec<Photo> = scene.train.par_iter().map(Photo::new).collect();
@@ -169,7 +171,7 @@ impl Agreement {
         Ok(Agreement { views, warnings })
     }
 
-    /// An error of a later stage, led back to this where something does not belong together.
+    /// Returns an error of a later stage with the first warning as its way out, if there is one.
     pub fn explain(&self, error: Error) -> Error {
         match self.warnings.first() {
             Some(warning) => error.way_out(warning.clone()),
@@ -192,7 +194,7 @@ fn verdict(sight: &Sight, n_points: f64) -> Verdict {
     }
 }
 
-/// How many views say what.
+/// Says in words how many views have which verdict.
 fn summary(views: &[ViewAgreement]) -> String {
     let count = |verdict: Verdict| views.iter().filter(|v| v.verdict == verdict).count();
     let example = views.iter().find(|v| v.verdict.is_bad());
@@ -218,7 +220,8 @@ fn figures(view: &ViewAgreement) -> String {
     }
 }
 
-/// The median of the camera centres, coordinate by coordinate: no single camera moves it far.
+/// Returns the median of the camera centres, coordinate by coordinate: no single camera moves it
+/// far.
 fn middle(cameras: &[&Camera]) -> DVec3 {
     let coordinate = |axis: usize| {
         let mut values: Vec<f64> = cameras.iter().map(|c| c.center()[axis]).collect();

@@ -1,4 +1,5 @@
-//! The cloud in a training view, and how far its colours are those of the photograph.
+//! This module finds the cloud in a training view, and measures how far its colours are those of
+//! the photograph.
 //!
 //! The points are drawn into an image so coarse that a surface of the cloud has few holes, and the
 //! photograph is averaged over the same cells. Over the cells that a point is in,
@@ -6,9 +7,9 @@
 //! points' colours `q` and the photograph's `I`, channels together, each about its own mean: an
 //! exposure of its own changes nothing.
 //!
-//! Chance is what `r` is after the photograph is shifted against the points, cyclically, by
-//! eighths of its sides: pixels next to each other are alike, so points shuffled one by one would make
-//! any smooth pattern look surer than it is.
+//! Chance is what `r` is after the photograph is shifted against the points, cyclically, by eighths
+//! of its sides: pixels next to each other are alike, so points shuffled one by one would make any
+//! smooth pattern look surer than it is.
 
 use glam::{DMat3, DVec3};
 use serde::Serialize;
@@ -22,7 +23,8 @@ use crate::scene::{PointCloud, View};
 const MAX_CELLS: u32 = 128;
 /// Points for each cell that is covered.
 const POINTS_A_CELL: f64 = 3.0;
-/// Fewer cells than these, or less contrast in them (standard deviation, 8-bit levels), tell nothing.
+/// Fewer cells than these, or less contrast in them (standard deviation, 8-bit levels), tell
+/// nothing.
 const MIN_CELLS: usize = 48;
 const MIN_CONTRAST: f64 = 3.0;
 /// Neighbouring cells of a cloud that shows anything are more alike than this correlation.
@@ -38,8 +40,8 @@ pub(super) struct Photo {
 }
 
 impl Photo {
-    /// Reduces `view` to at most [`MAX_CELLS`] on its longer side. What a mask leaves out, by a background
-    /// colour or for training, is no photograph of the cloud.
+    /// Reduces `view` to at most [`MAX_CELLS`] on its longer side. What a mask leaves out, by a
+    /// background colour or for training, is no photograph of the cloud.
     pub(crate) fn new(view: &View) -> Photo {
         let camera = view.camera.at_most(MAX_CELLS);
         let (width, height) = (view.image.width as usize, view.image.height as usize);
@@ -53,20 +55,20 @@ impl Photo {
         }
     }
 
-    /// In cells as few as `size` says.
+    /// Returns the cells averaged down to the grid `size`.
     fn coarser(&self, size: (u32, u32)) -> Vec<Option<[f64; 3]>> {
         let own = (self.camera.width as usize, self.camera.height as usize);
         averaged(own, size, |i| self.cells[i])
     }
 
-    /// The photograph turned by 180 degrees.
+    /// Returns the photograph turned by 180 degrees.
     pub(crate) fn turned(&self) -> Photo {
         let mut cells = self.cells.clone();
         cells.reverse();
         self.with_cells(cells)
     }
 
-    /// The photograph with left and right exchanged.
+    /// Returns the photograph with left and right exchanged.
     pub(crate) fn mirrored(&self) -> Photo {
         let mut cells = self.cells.clone();
         let rows = cells.chunks_exact_mut(self.camera.width as usize);
@@ -81,7 +83,7 @@ impl Photo {
         }
     }
 
-    /// The photograph as `camera`, of its size, would have taken it.
+    /// Returns the photograph as `camera`, of its size, would have taken it.
     pub(crate) fn from(&self, camera: Camera) -> Photo {
         Photo {
             camera,
@@ -89,7 +91,7 @@ impl Photo {
         }
     }
 
-    /// This view with the photograph of `other`, which has its shape.
+    /// Returns this view with the photograph of `other`, which has its shape.
     pub(crate) fn with_cells_of(&self, other: &Photo) -> Option<Photo> {
         let same =
             (self.camera.width, self.camera.height) == (other.camera.width, other.camera.height);
@@ -97,7 +99,7 @@ impl Photo {
     }
 }
 
-/// Means over the cells of a coarser grid; none where nothing counts.
+/// Returns the means over the cells of a coarser grid; none where nothing counts.
 fn averaged(
     (width, height): (usize, usize),
     (columns, rows): (u32, u32),
@@ -129,7 +131,7 @@ pub(super) struct Probe {
     frame: Frame,
 }
 
-/// What a view has of the cloud.
+/// The part of the cloud that a view sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Sight {
     pub n_in_front: usize,
@@ -137,12 +139,12 @@ pub(super) struct Sight {
     pub colors: Option<Colors>,
 }
 
-/// How far colours agree; correlations, -1 to 1.
+/// Correlations of colours, -1 to 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Colors {
     /// Agreement of the points with the photograph.
     pub agreement: f64,
-    /// What nine in ten shifts of the photograph stay below.
+    /// The agreement that nine in ten shifts of the photograph stay below.
     pub chance: f64,
 }
 
@@ -173,7 +175,8 @@ impl Probe {
         self.positions.len()
     }
 
-    /// What the camera of `photo` has of the cloud after the motion `x -> turn x + shift` of it, world.
+    /// Returns what the camera of `photo` sees of the cloud after the motion `x -> turn x + shift`
+    /// of it, world.
     pub(crate) fn look(&self, photo: &Photo, (turn, shift): (DMat3, DVec3)) -> Sight {
         let camera = &photo.camera;
         let moved = Camera {
@@ -198,7 +201,7 @@ impl Probe {
         }
     }
 
-    /// How the colours agree; none where there is too little to tell by.
+    /// Returns how the colours agree; none where there is too little to tell by.
     fn colors(&self, photo: &Photo, camera: &Camera, n_in_image: usize) -> Option<Colors> {
         let most = (camera.width * camera.height) as f64;
         let mut z_buffer = ZBuffer::default();
@@ -247,7 +250,8 @@ impl Probe {
     }
 }
 
-/// The correlation of colours, channels together; none of too few or where either hardly varies.
+/// Returns the correlation of colours, channels together; `None` for too few pairs, or if either
+/// side hardly varies.
 fn correlation(pairs: impl Iterator<Item = ([f64; 3], [f64; 3])>) -> Option<f64> {
     let pairs: Vec<_> = pairs.collect();
     if pairs.len() < MIN_CELLS {

@@ -1,4 +1,4 @@
-//! Discs: what a point covers, and how those at the front blend.
+//! This module decides what a point covers as a disc, and how the discs at the front blend.
 
 use super::{Points, ZBuffer};
 use crate::camera::Camera;
@@ -16,7 +16,8 @@ pub(crate) struct Disc {
 }
 
 impl Disc {
-    /// A disc whose radius, in pixels, is bounded by [`MIN_DISC_RADIUS_PX`] and `max_radius_px`.
+    /// Returns a disc whose radius, in pixels, is bounded by [`MIN_DISC_RADIUS_PX`] and
+    /// `max_radius_px`.
     pub(crate) fn new(center: [f64; 2], depth: f64, radius_px: f64, max_radius_px: f64) -> Disc {
         Disc {
             center,
@@ -25,8 +26,8 @@ impl Disc {
         }
     }
 
-    /// Visits the pixels of `camera`'s image whose centres lie within the disc, row by row, with the
-    /// weight of the point there, `(1 - d^2 / (2 r^2))^2` at the distance `d`: 1 in the middle,
+    /// Visits the pixels of `camera`'s image whose centres lie within the disc, row by row, with
+    /// the weight of the point there, `(1 - d^2 / (2 r^2))^2` at the distance `d`: 1 in the middle,
     /// a quarter on the rim.
     pub(crate) fn pixels(&self, camera: &Camera, mut visit: impl FnMut(usize, f32)) {
         let Disc { center, radius, .. } = *self;
@@ -47,7 +48,8 @@ impl Disc {
     }
 }
 
-/// The pixels of `limit` in a row whose centres lie within `reach` of `middle`; none where it is NaN.
+/// Returns the pixels of `limit` in a row whose centres lie within `reach` of `middle`; none where
+/// it is NaN.
 fn span(middle: f64, reach: f64, limit: u32) -> std::ops::Range<usize> {
     // Casts saturate, and NaN becomes 0.
     let first = (middle - reach - 0.5).ceil().max(0.0) as usize;
@@ -91,7 +93,7 @@ impl Blend {
         });
     }
 
-    /// The colour of a pixel that some disc holds: the mean by weight, rounded.
+    /// Returns the colour of a pixel that some disc holds: the mean by weight, rounded.
     pub(crate) fn color(&self, pixel: usize) -> [u8; 3] {
         let [r, g, b, weight] = self.sums[pixel];
         [r, g, b].map(|sum| (sum / weight).round() as u8)

@@ -1,9 +1,9 @@
-//! Holes of a splatted image filled from around them.
+//! This module fills the holes of a splatted image from around them.
 
 use super::SplatImage;
 
-/// `image` as RGBA8 rows in which every empty pixel has a colour and the alpha `weight`; covered
-/// pixels are as they were. An image without a covered pixel stays empty.
+/// Returns `image` as RGBA8 rows in which every empty pixel has a colour and the alpha `weight`;
+/// covered pixels are as they were. An image without a covered pixel stays empty.
 ///
 /// Pull-push (Gortler et al. 1996, "The Lumigraph", section 3.4): with colours `c` weighted by
 /// `w`, 1 where covered and 0 elsewhere, each coarser level sums four pixels and bounds their
@@ -53,7 +53,7 @@ impl Level {
         }
     }
 
-    /// The level half as large, or `None` from a single pixel.
+    /// Returns the level half as large, or `None` from a single pixel.
     fn pull(&self) -> Option<Level> {
         if self.width.max(self.height) == 1 {
             return None;
@@ -98,7 +98,8 @@ impl Level {
         }
     }
 
-    /// The value at pixel (x, y) of the level twice as large, bilinear, constant at the border.
+    /// Returns the value at pixel (x, y) of the level twice as large, bilinear, constant at the
+    /// border.
     fn enlarged(&self, x: usize, y: usize) -> [f32; 4] {
         // A fine pixel's centre lies a quarter of a coarse pixel off that of its own.
         let other = |v: usize, size: usize| match v % 2 {

@@ -1,4 +1,4 @@
-//! The connectivity filter.
+//! The connectivity filter drops covered pixels that have few covered neighbours.
 
 use super::{Winner, ZBuffer};
 use crate::config::SplatConfig;

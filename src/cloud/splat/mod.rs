@@ -1,5 +1,5 @@
-//! Point splatting: the cloud drawn into a camera, with a mask of what it covers, and the holes
-//! between filled from around.
+//! Point splatting draws the cloud into a camera, with a mask of what it covers, and fills the
+//! holes between from around.
 //!
 //! A point's footprint ([`Footprint`]) is one of two:
 //!
@@ -7,14 +7,13 @@
 //!   pixels, those behind a surface show through it.
 //! - `disc`: surface splatting in two passes (Botsch and Kobbelt 2003, "High-Quality Point-Based
 //!   Rendering on Modern GPUs"). A disc's radius is that of the point's source pixel, projected:
-//!   `sqrt(n_pixels / n_points) min_i |x - o_i| / f_i` over the training cameras `i`, times
-//!   `f / z`, and between 0.708 pixels (so that no point falls between pixels) and
-//!   `max_radius_px`. The first pass, the visibility pass, keeps the depth `z*` of the nearest disc
-//!   that holds a pixel's centre. In the second, all discs there with `z <= (1 + depth_tolerance) z*`
-//!   blend with the weights `(1 - d^2 / (2 r^2))^2`, `d` from the disc's centre to the pixel's, and
-//!   their sum is divided by that of the weights. As every weight within a disc is a quarter or
-//!   more, a pixel is covered wherever a disc is. Discs are parallel to the image: the cloud has no
-//!   normals.
+//!   `sqrt(n_pixels / n_points) min_i |x - o_i| / f_i` over the training cameras `i`, times `f /
+//!   z`, and between 0.708 pixels (so that no point falls between pixels) and `max_radius_px`. The
+//!   first pass, the visibility pass, keeps the depth `z*` of the nearest disc that holds a pixel's
+//!   centre. In the second, all discs there with `z <= (1 + depth_tolerance) z*` blend with the
+//!   weights `(1 - d^2 / (2 r^2))^2`, `d` from the disc's centre to the pixel's, and their sum is
+//!   divided by that of the weights. As every weight within a disc is a quarter or more, a pixel is
+//!   covered wherever a disc is. Discs are parallel to the image: the cloud has no normals.
 //!
 //! The connectivity filter follows both.
 
@@ -51,12 +50,12 @@ pub struct SplatImage {
 }
 
 impl SplatImage {
-    /// Whether each pixel is covered, row by row.
+    /// Returns whether each pixel is covered, row by row.
     pub fn mask(&self) -> impl Iterator<Item = bool> + '_ {
         self.rgba.chunks_exact(4).map(|p| p[3] != 0)
     }
 
-    /// The share of covered pixels.
+    /// Returns the share of covered pixels.
     pub fn coverage(&self) -> f64 {
         let n_pixels = self.rgba.len() / 4;
         self.mask().filter(|m| *m).count() as f64 / n_pixels.max(1) as f64
@@ -76,8 +75,8 @@ impl SplatImage {
 /// discs. The result does not depend on the number of threads.
 ///
 /// # Errors
-/// A largest radius below [`MIN_DISC_RADIUS_PX`], an even filter window, an empty image, or more than
-/// 2^32 - 2 points.
+/// A largest radius below [`MIN_DISC_RADIUS_PX`], an even filter window, an empty image, or more
+/// than 2^32 - 2 points.
 pub fn splat_views(
     cloud: &PointCloud,
     frame: &Frame,
@@ -88,8 +87,8 @@ pub fn splat_views(
     splat_where(cloud, frame, (cameras, sources), config, near, |_, _| true)
 }
 
-/// [`splat_views`] in which a pixel is left empty whose nearest point's index and camera's canonical
-/// centre `shows` refuses.
+/// Does what [`splat_views`] does, but leaves a pixel empty whose nearest point's index and
+/// camera's canonical centre `shows` refuses.
 ///
 /// # Errors
 /// As [`splat_views`].
@@ -136,8 +135,8 @@ pub fn splat_where(
         .collect())
 }
 
-/// The depth, canonical, of the nearest point in every pixel of [`splat_views`]'s images, row by
-/// row; infinite where there is none.
+/// Returns the depth, canonical, of the nearest point in every pixel of [`splat_views`]'s images,
+/// row by row; infinite where there is none.
 ///
 /// # Errors
 /// As [`splat_views`].
@@ -166,7 +165,7 @@ pub fn splat_depths(
         .collect())
 }
 
-/// The points of `cloud` that `config` draws.
+/// Returns the points of `cloud` that `config` draws.
 fn drawn_points(
     cloud: &PointCloud,
     frame: &Frame,
@@ -183,7 +182,7 @@ fn drawn_points(
     Ok(points)
 }
 
-/// What a thread reuses from view to view.
+/// Buffers that a thread reuses from view to view.
 #[derive(Default)]
 struct Scratch {
     z_buffer: ZBuffer,
@@ -191,7 +190,7 @@ struct Scratch {
     blend: Blend,
 }
 
-/// What splatting into `cameras` needs.
+/// Refuses cameras and settings that splatting cannot work with.
 ///
 /// # Errors
 /// A largest radius below [`MIN_DISC_RADIUS_PX`], an even filter window, or an empty image.

@@ -1,4 +1,4 @@
-//! A cloud's points into one view.
+//! This module draws a cloud's points into one view.
 
 use glam::{DMat3, DVec3};
 
@@ -58,7 +58,7 @@ impl Points {
         self.x.len()
     }
 
-    /// A place, canonical; not a number for one that is [hidden](Points::hide).
+    /// Returns a point's canonical place; NaN for one that is [hidden](Points::hide).
     pub(crate) fn position(&self, point: usize) -> DVec3 {
         DVec3::new(self.x[point], self.y[point], self.z[point])
     }
@@ -157,8 +157,8 @@ impl Points {
         });
     }
 
-    /// Visits the pixel position and the depth of every point farther than `near` before a canonical
-    /// `camera`, in the cloud's order.
+    /// Visits the pixel position and the depth of every point farther than `near` before a
+    /// canonical `camera`, in the cloud's order.
     fn project(&self, camera: &Camera, near: f64, mut visit: impl FnMut(usize, [f64; 2], f64)) {
         let projection = Projection::new(camera);
         let (mut u, mut v, mut depth) = ([0.0; BLOCK], [0.0; BLOCK], [0.0; BLOCK]);
@@ -205,7 +205,7 @@ impl Projection {
         }
     }
 
-    /// Pixel positions and depths of up to `BLOCK` points.
+    /// Computes pixel positions and depths of up to `BLOCK` points.
     fn project(
         &self,
         points: &Block,

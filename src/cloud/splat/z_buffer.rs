@@ -1,4 +1,4 @@
-//! The nearest point of every pixel of one view.
+//! The z-buffer keeps the nearest point of every pixel of one view.
 
 use crate::camera::Camera;
 
@@ -39,17 +39,17 @@ impl ZBuffer {
         self.keys[pixel] = key.min(self.keys[pixel]);
     }
 
-    /// Pixels.
+    /// Returns the image's width in pixels.
     pub(crate) fn width(&self) -> usize {
         self.width
     }
 
-    /// The nearest point of every pixel, row by row.
+    /// Returns the nearest point of every pixel, row by row.
     pub(crate) fn winners(&self) -> impl ExactSizeIterator<Item = Option<Winner>> + '_ {
         self.keys.iter().map(|key| winner(*key))
     }
 
-    /// The nearest point of a pixel.
+    /// Returns the nearest point of a pixel.
     pub(crate) fn winner(&self, pixel: usize) -> Option<Winner> {
         winner(self.keys[pixel])
     }
