@@ -1,5 +1,5 @@
-//! Gaussians on the host: the model, its start from a point cloud, and its files ([`ply`],
-//! [`splat`], [`spz`]).
+//! This module has the Gaussians on the host: the model, its start from a point cloud, and its
+//! files ([`ply`], [`splat`], [`spz`]).
 
 pub mod ply;
 pub mod splat;
@@ -52,18 +52,19 @@ pub struct Gaussians {
 }
 
 impl Gaussians {
-    /// The number of Gaussians.
+    /// Returns the number of Gaussians.
     pub fn len(&self) -> usize {
         self.means.len()
     }
 
-    /// Whether there is no Gaussian.
+    /// Returns whether there is no Gaussian.
     pub fn is_empty(&self) -> bool {
         self.means.is_empty()
     }
 
-    /// Whether any view can show a Gaussian at all: its values are finite, but for a scale of nothing,
-    /// with which it is flat as those of 2DGS are, and an opacity of 1; and it has a rotation.
+    /// Returns whether any view can show a Gaussian at all: it has a rotation, and its values are
+    /// finite. Excepted are a scale of nothing, with which it is flat as those of 2DGS are, and an
+    /// opacity of 1.
     fn is_whole(&self, i: usize) -> bool {
         let n_sh = 3 * self.n_sh();
         self.means[i].is_finite()
@@ -76,23 +77,23 @@ impl Gaussians {
             && self.sh[i * n_sh..][..n_sh].iter().all(|c| c.is_finite())
     }
 
-    /// Number of Gaussians that no view can show, whatever their opacity.
+    /// Returns the number of Gaussians that no view can show, whatever their opacity.
     pub fn n_broken(&self) -> usize {
         (0..self.len()).filter(|i| !self.is_whole(*i)).count()
     }
 
-    /// Opacity in [0, 1].
+    /// Returns the opacity in [0, 1].
     pub fn opacity(&self, i: usize) -> f32 {
         1.0 / (1.0 + (-self.opacity_logits[i]).exp())
     }
 
-    /// Colour of degree 0, RGB, unclamped.
+    /// Returns the colour of degree 0, RGB, unclamped.
     pub fn base_color(&self, i: usize) -> Vec3 {
         let at = i * self.n_sh() * 3;
         Vec3::splat(0.5) + SH_0 as f32 * Vec3::from_slice(&self.sh[at..at + 3])
     }
 
-    /// The unit rotation, w first and not negative; None for none.
+    /// Returns the unit rotation, w first and not negative; `None` if it cannot be normalised.
     pub fn rotation(&self, i: usize) -> Option<[f32; 4]> {
         let wxyz = self.rotations_wxyz[i];
         let length = wxyz.iter().map(|q| q * q).sum::<f32>().sqrt();
@@ -100,9 +101,9 @@ impl Gaussians {
         (length.is_finite() && length > 1e-12).then(|| wxyz.map(|q| q * unit))
     }
 
-    /// The `limit` Gaussians of most weight among those that are ever drawn, heaviest first and
-    /// equal ones in order. Weight is opacity times the area of the largest section: about what a
-    /// Gaussian covers in an image.
+    /// Returns the `limit` Gaussians of most weight among those that are ever drawn, heaviest first
+    /// and equal ones in order. Weight is opacity times the area of the largest section: about what
+    /// a Gaussian covers in an image.
     pub fn heaviest(&self, limit: usize) -> Vec<usize> {
         let is_drawn = |i: &usize| self.is_whole(*i) && self.opacity(*i) >= MIN_OPACITY;
         let weight = |i: usize| {
@@ -116,12 +117,12 @@ impl Gaussians {
         chosen
     }
 
-    /// Coefficients a channel, `(sh_degree + 1)^2`.
+    /// Returns the number of coefficients a channel, `(sh_degree + 1)^2`.
     pub fn n_sh(&self) -> usize {
         n_sh(self.sh_degree)
     }
 
-    /// The Gaussians that training starts from: one a cloud point, isotropic, as large as the
+    /// Makes the Gaussians that training starts from: one a cloud point, isotropic, as large as the
     /// root mean square distance to the three nearest other points (3DGS), unrotated, of the
     /// cloud's colour from everywhere, and of `config.initial_opacity`, which
     /// `config.confidence_opacity` multiplies by [`PointCloud::relative_confidence`].
@@ -201,12 +202,12 @@ impl Gaussians {
     }
 }
 
-/// Spherical-harmonics coefficients a channel up to a degree.
+/// Returns the number of spherical-harmonics coefficients a channel up to a degree.
 pub fn n_sh(sh_degree: u32) -> usize {
     (sh_degree as usize + 1).pow(2)
 }
 
-/// `ln(o / (1 - o))` of the opacity that each point's Gaussian starts with.
+/// Returns `ln(o / (1 - o))` of the opacity that each point's Gaussian starts with.
 fn initial_opacity_logits(cloud: &PointCloud, config: &ModelConfig) -> Result<Vec<f32>> {
     let logit = |opacity: f64| (opacity / (1.0 - opacity)).ln() as f32;
     let full = logit(config.initial_opacity);
@@ -225,7 +226,8 @@ fn initial_opacity_logits(cloud: &PointCloud, config: &ModelConfig) -> Result<Ve
     })
 }
 
-/// Root mean square distance to the three nearest other points, bounded below; one a mean.
+/// Returns the root mean square distance to the three nearest other points, bounded below; one a
+/// mean.
 fn initial_scales(means: &[Vec3]) -> Vec<f64> {
     mean_over_nearest(means, 3, |squared| squared)
         .into_iter()
@@ -236,8 +238,8 @@ fn initial_scales(means: &[Vec3]) -> Vec<f64> {
         .collect()
 }
 
-/// Mean of what `of` makes of the squared distances of every point to its `k` nearest others (fewer
-/// where there are not so many), or `None` for a point alone.
+/// Returns the mean of what `of` makes of the squared distances of every point to its `k` nearest
+/// others (fewer where there are not so many), or `None` for a point alone.
 ///
 /// Points that coincide are one entry with a count in the tree: a search among many at one
 /// place would visit them all.

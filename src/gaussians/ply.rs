@@ -1,4 +1,4 @@
-//! Gaussians on disk: the PLY layout of 3DGS, which viewers open.
+//! This module reads and writes Gaussians in the PLY layout of 3DGS, which viewers open.
 //!
 //! Binary little-endian float32, one row a Gaussian, in the scene's own frame:
 //! `x y z nx ny nz f_dc_0..2 f_rest_0..(3 (K - 1) - 1) opacity scale_0..2 rot_0..3` with
@@ -6,9 +6,9 @@
 //! opacity a logit, scales logarithms, the rotation wxyz and as stored, the normals 0.
 //!
 //! Far from the scene's origin f32 would round positions to a visible grid. There they are stored
-//! without [`Frame::offset`], which the header has as `comment offsetx X`, `offsety` and `offsetz`: what
-//! is to be added. That is how the PLYs of XGRIDS' scanners say where on the map their Gaussians are, and
-//! programs that put Gaussians on a map read it.
+//! without [`Frame::offset`], which the header has as `comment offsetx X`, `offsety` and `offsetz`:
+//! what is to be added. That is how the PLYs of XGRIDS' scanners say where on the map their
+//! Gaussians are, and programs that put Gaussians on a map read it.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -23,7 +23,7 @@ use crate::error::{Error, Result};
 use crate::files::ply::{read_header, scalar_bytes};
 use crate::files::{read_file, write_file};
 
-/// Property names in the order of the layout.
+/// Returns the property names in the order of the layout.
 fn property_names(sh_degree: u32) -> Vec<String> {
     let fixed = |names: &[&str]| names.iter().map(|n| n.to_string()).collect::<Vec<_>>();
     let mut names = fixed(&[
@@ -103,12 +103,12 @@ fn push_row(gaussians: &Gaussians, i: usize, frame: &Frame, row: &mut Vec<f32>) 
 pub struct Stored {
     /// In the scene's own frame, less `offset`.
     pub gaussians: Gaussians,
-    /// What is to be added to their means.
+    /// Vector to add to their means for the scene's own frame.
     pub offset: DVec3,
 }
 
 impl Stored {
-    /// The Gaussians in the canonical frame of `frame`, which is in the scene's own.
+    /// Returns the Gaussians in the canonical frame of `frame`, which is in the scene's own.
     pub fn to_canonical(self, frame: &Frame) -> Gaussians {
         self.gaussians.to_canonical(&Frame {
             center: frame.center - self.offset,
@@ -119,8 +119,9 @@ impl Stored {
 
 /// Reads Gaussians in the file's own frame; [`Stored::to_canonical`] takes them to another.
 ///
-/// Properties may come in any order and beside others; values are taken as they are, finite or
-/// not, but for Mip-Splatting's `filter_3D`, which is made part of scales and opacity. Memory is bounded by the file's size.
+/// Properties may come in any order and beside others; values are taken as they are, finite or not,
+/// but for Mip-Splatting's `filter_3D`, which is made part of scales and opacity. Memory is bounded
+/// by the file's size.
 ///
 /// # Errors
 /// A file that is no such PLY, naming the header's line, the missing property, or the byte at
@@ -134,7 +135,7 @@ pub fn read_ply(path: &Path) -> Result<Stored> {
     })
 }
 
-/// The offset that a header's comments tell; zero where they tell none along some axis.
+/// Returns the offset that a header's comments state; zero where they tell none along some axis.
 fn offset_of(header: &[u8]) -> DVec3 {
     let text = String::from_utf8_lossy(header);
     let along = |axis: &str| {
@@ -154,7 +155,7 @@ fn offset_of(header: &[u8]) -> DVec3 {
     }
 }
 
-/// The Gaussians, and the byte at which the header ends.
+/// Reads the Gaussians; returns with them the byte at which the header ends.
 fn parse(bytes: &[u8]) -> Result<(Gaussians, usize)> {
     let (element, start) = read_vertex_element(bytes)?;
     let layout = Layout::new(&element)?;
@@ -204,9 +205,10 @@ fn parse(bytes: &[u8]) -> Result<(Gaussians, usize)> {
     Ok((gaussians, start))
 }
 
-/// A Gaussian convolved with Mip-Splatting's smoothing filter (Yu et al. 2024, equation 7), a Gaussian
-/// of standard deviation `filter`, which files of that method hold beside and other viewers know
-/// nothing of: variances add up, and opacity goes down by the square root of the determinants' ratio.
+/// Returns a Gaussian convolved with Mip-Splatting's smoothing filter (Yu et al. 2024, equation 7),
+/// a Gaussian of standard deviation `filter`, which files of that method hold beside and other
+/// viewers know nothing of: variances add up, and opacity goes down by the square root of the
+/// determinants' ratio.
 fn smoothed((scale_log, opacity_logit): (Vec3, f32), filter: f32) -> (Vec3, f32) {
     let variance = f64::from(filter).powi(2);
     if !(variance > 0.0 && variance.is_finite()) {
@@ -221,7 +223,7 @@ fn smoothed((scale_log, opacity_logit): (Vec3, f32), filter: f32) -> (Vec3, f32)
     (wider_log.as_vec3(), logit as f32)
 }
 
-/// The vertex element, and the byte at which its rows start.
+/// Returns the vertex element, and the byte at which its rows start.
 fn read_vertex_element(bytes: &[u8]) -> Result<(ElementDef, usize)> {
     let way_out = "expected a 3DGS point_cloud.ply: binary little-endian, vertices first";
     let header = read_header(bytes)?;

@@ -1,4 +1,4 @@
-//! `.splat` files: 32 bytes a Gaussian, for viewers on the web.
+//! This module writes `.splat` files: 32 bytes a Gaussian, for viewers on the web.
 //!
 //! Mean and scales as six f32; red, green, blue and opacity as u8, the colour that of degree 0;
 //! the unit rotation w, x, y, z as u8, `128 + 128 q`. Little-endian, no header, those of most

@@ -1,23 +1,24 @@
-//! Moves the origin and scales the scene so that its numbers fit a .spz file.
+//! This module moves the origin and scales the scene so that its numbers fit a .spz file.
 
 use glam::DVec3;
 
 use super::{Gaussians, MAX_FIXED, SCALE_LOG};
 
-/// What lies so many times as far as this share of the Gaussians is left out where it would spoil too
-/// many of the others.
+/// Gaussians that lie so many times as far as this share of them reaches are left out if they would
+/// spoil too many of the others.
 const WITHIN: f64 = 0.999;
 const FAR: f64 = 4.0;
-/// Share of the Gaussians that may be spoilt: smaller than the step of their positions, or larger or
-/// smaller than the format holds.
+/// Share of the Gaussians that may be spoilt: smaller than the step of their positions, or larger
+/// or smaller than the format holds.
 const MAX_SPOILT: f64 = 0.01;
-/// The scene may be multiplied by 2 to the power of any of these: from the largest f32 to the smallest.
+/// The scene may be multiplied by 2 to the power of any of these: from the largest f32 to the
+/// smallest.
 const POWERS: std::ops::RangeInclusive<i32> = -110..=110;
 
-/// What coordinates are stored in.
+/// The grid that coordinates are stored on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Grid {
-    /// What is taken out of the means.
+    /// Origin of the grid, which is subtracted from the means.
     pub origin: DVec3,
     /// The scene is multiplied by 2 to the power of this.
     power: i32,
@@ -26,7 +27,7 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// For means that reach `farthest`; None where they do not fit.
+    /// Makes a grid for means that reach `farthest`; `None` if they do not fit.
     fn new(origin: DVec3, power: i32, farthest: f64) -> Option<Grid> {
         let fits = |bits: &i32| exp2(power + bits) * farthest <= MAX_FIXED;
         let fraction_bits = (0..=20).rev().find(fits)?;
@@ -42,7 +43,7 @@ impl Grid {
         exp2(self.power + self.fraction_bits)
     }
 
-    /// What is added to a scale's natural logarithm.
+    /// Returns what is added to a scale's natural logarithm.
     pub(crate) fn scale_log(self) -> f32 {
         self.power as f32 * std::f32::consts::LN_2
     }
@@ -79,7 +80,7 @@ impl Extents {
         }
     }
 
-    /// With the scene times 2 to the `power`, the share of the Gaussians that is spoilt.
+    /// Returns the share of the Gaussians that is spoilt with the scene times 2 to the `power`.
     fn spoilt(&self, power: i32) -> Option<(f64, Grid)> {
         let farthest = self.reaches.last().copied().unwrap_or(0.0);
         let grid = Grid::new(self.origin, power, farthest)?;
@@ -92,8 +93,8 @@ impl Extents {
         Some(((n_small + n_large) as f64 / n as f64, grid))
     }
 
-    /// The scene as it is, unless that spoils too many and another power of 2 spoils fewer: then the
-    /// nearest to it of those that spoil the fewest.
+    /// Chooses the scene as it is, unless that spoils too many and another power of 2 spoils fewer:
+    /// then the nearest to it of those that spoil the fewest.
     fn best(&self) -> (f64, Grid) {
         let as_it_is = self.spoilt(0).filter(|(share, _)| *share <= MAX_SPOILT);
         let mut powers: Vec<i32> = POWERS.collect();
@@ -111,13 +112,14 @@ impl Extents {
     }
 }
 
-/// The largest coordinate about an origin.
+/// Returns the largest coordinate about an origin.
 fn reach(gaussians: &Gaussians, i: usize, origin: DVec3) -> f64 {
     (gaussians.means[i].as_dvec3() - origin).abs().max_element()
 }
 
 /// Chooses the grid, and leaves out of `chosen` what is so far that too many of the others would be
-/// spoilt. It changes the origin, else the scale, else the number of Gaussians: the first that helps.
+/// spoilt. It changes the origin, else the scale, else the number of Gaussians: the first that
+/// helps.
 pub(super) fn fit(
     gaussians: &Gaussians,
     chosen: &mut Vec<usize>,
@@ -175,7 +177,7 @@ pub(super) fn fit(
     grid
 }
 
-/// The medians of the means' coordinates.
+/// Returns the medians of the means' coordinates.
 fn middle(gaussians: &Gaussians, chosen: &[usize]) -> DVec3 {
     let axis = |axis: usize| {
         let mut values: Vec<f32> = chosen.iter().map(|i| gaussians.means[*i][axis]).collect();

@@ -1,4 +1,5 @@
-//! `.spz` files: Niantic's compressed format, version 2, a tenth of a PLY or less.
+//! This module writes `.spz` files: Niantic's compressed format, version 2, a tenth of a PLY or
+//! less.
 //!
 //! A gzip stream of a header of 16 bytes and then, each for all Gaussians: means as 24-bit fixed
 //! point, opacities, colours of degree 0, scales, rotations (x, y, z of the unit quaternion with
@@ -39,13 +40,13 @@ const SH_SIGN: [f32; 15] = [
 /// Natural logarithms of the scales that a byte holds, in steps of 1/16.
 const SCALE_LOG: std::ops::RangeInclusive<f32> = -10.0..=5.9375;
 
-/// A size counts as cut off where it is by more than this, in per cent of the Gaussian's largest: rounding
-/// to steps of 1/16 of its logarithm takes 3.
+/// A size counts as cut off where it is by more than this, in per cent of the Gaussian's largest:
+/// rounding to steps of 1/16 of its logarithm takes 3.
 const MAX_SIZE_ERROR: f32 = 5.0;
 
-/// Writes all that is finite and visible, in the frame that it is in, or that frame times a power of 2
-/// where its numbers would not fit; returns their number. What becomes of what the format cannot hold
-/// as it is goes to `warnings`.
+/// Writes all that is finite and visible, in the frame that it is in, or that frame times a power
+/// of 2 where its numbers would not fit; returns their number. What becomes of what the format
+/// cannot hold as it is goes to `warnings`.
 ///
 /// # Errors
 /// What keeps the file from being written.
@@ -61,8 +62,8 @@ pub fn write_spz(path: &Path, gaussians: &Gaussians, warnings: &mut Vec<String>)
     Ok(chosen.len())
 }
 
-/// What is stored as something else than it is by more than rounding: for each kind of value the share of
-/// the Gaussians and the largest difference.
+/// Lists what is stored as something else than it is by more than rounding: for each kind of value
+/// the share of the Gaussians and the largest difference.
 fn losses(gaussians: &Gaussians, chosen: &[usize], grid: Grid) -> Vec<String> {
     let n_sh = 3 * gaussians.n_sh();
     let clamped = |value: f32, low: f32, high: f32| (value - value.clamp(low, high)).abs();
@@ -117,7 +118,7 @@ fn losses(gaussians: &Gaussians, chosen: &[usize], grid: Grid) -> Vec<String> {
     .collect()
 }
 
-/// The stream before it is compressed.
+/// Packs the stream before it is compressed.
 fn packed(gaussians: &Gaussians, chosen: &[usize], grid: Grid) -> Result<Vec<u8>> {
     let n_sh = 3 * gaussians.n_sh();
     let mut bytes = Vec::with_capacity(16 + chosen.len() * (16 + n_sh));
