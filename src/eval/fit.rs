@@ -1,5 +1,5 @@
-//! Poses of test views fitted to their photographs, the Gaussians held (InstantSplat, Fan et al.
-//! 2024; earlier iNeRF, Yen-Chen et al. 2021).
+//! This module fits poses of test views to their photographs while the Gaussians are held
+//! (InstantSplat, Fan et al. 2024; earlier iNeRF, Yen-Chen et al. 2021).
 
 use crate::camera::{Camera, Frame};
 use crate::config::Config;
@@ -23,8 +23,8 @@ const N_STEPS: u32 = 100;
 const RATE: f64 = 2e-3;
 const RATE_LEFT: f64 = 0.01;
 
-/// The cameras of `views`, in the world frame, each at the pose with the smallest training loss
-/// over Adam's way from where it is; Gaussians are of the canonical `frame`.
+/// Returns the cameras of `views`, in the world frame, each at the pose with the smallest training
+/// loss over Adam's way from where it is; Gaussians are of the canonical `frame`.
 ///
 /// # Errors
 /// A view that the adapter cannot hold, or a GPU fault.
@@ -95,7 +95,7 @@ impl Fit<'_> {
         Ok(best.1)
     }
 
-    /// The view's loss from `camera`, and its gradient with respect to the pose.
+    /// Returns the view's loss from `camera`, and its gradient with respect to the pose.
     fn gradient(&mut self, view: &TrainingView, camera: &Camera) -> Result<(f64, [f64; 6])> {
         let (gpu, model) = (self.gpu, &self.config.model);
         let uniform = ViewUniform::new(camera, self.near, model.background);
@@ -138,7 +138,7 @@ impl Fit<'_> {
         Ok(((1.0 - w) * l1 + w * (1.0 - ssim), room.pose.read(gpu)?))
     }
 
-    /// The buffers there are, or larger ones.
+    /// Returns the buffers there are, or larger ones.
     fn room(&mut self, needed: Capacity) -> Result<Room> {
         let held = match self.room.take() {
             Some(room) if room.workspace.capacity.holds(&needed) => return Ok(room),

@@ -1,4 +1,4 @@
-//! Errors at the test views.
+//! This module measures errors at the test views.
 
 mod fit;
 mod poses;
@@ -35,7 +35,7 @@ pub enum Alignment {
 }
 
 impl Alignment {
-    /// What this makes of the test cameras of a scene.
+    /// Returns the protocol that a scene's test cameras have after this alignment.
     pub fn protocol(self, scene: PoseProtocol) -> PoseProtocol {
         match self {
             Alignment::Shared => scene,
@@ -69,7 +69,7 @@ impl EvalOptions {
         })
     }
 
-    /// Which LPIPS this is, for the record.
+    /// Returns which LPIPS is measured, for the record; `None` if it is not.
     pub fn lpips_record(&self) -> Option<LpipsRecord> {
         self.lpips.as_ref().map(|lpips| LpipsRecord {
             net: lpips.net(),
@@ -106,7 +106,7 @@ pub fn render_views(
     Ok(())
 }
 
-/// [`render_views`] of a model that is on the GPU already.
+/// Does what [`render_views`] does for a model that is on the GPU already.
 ///
 /// # Errors
 /// As [`render_views`].
@@ -128,8 +128,8 @@ pub fn render_model(
     })
 }
 
-/// Errors of a render against its view's photograph: over all pixels, over the mask, and over
-/// the pixels that are set in `covered`, where it is given.
+/// Measures a render against its view's photograph: over all pixels, over the mask, and over the
+/// pixels that are set in `covered`, where it is given.
 pub fn score(
     rendered: &Rendered,
     view: &View,
@@ -180,12 +180,12 @@ fn score_covered(render: &impl Pixels, truth: &Image, covered: &[bool]) -> Resul
     })
 }
 
-/// The share of set pixels.
+/// Returns the share of set pixels.
 fn share(mask: &[bool]) -> f64 {
     mask.iter().filter(|&&set| set).count() as f64 / mask.len() as f64
 }
 
-/// An empty mask has no errors.
+/// Measures a render over a mask; an empty mask has no errors.
 fn score_masked(
     render: &impl Pixels,
     truth: &Image,
@@ -204,8 +204,8 @@ fn score_masked(
     }))
 }
 
-/// The pixels of each view on which the bare splat of `cloud` puts a point: one pixel a point, then
-/// the connectivity filter.
+/// Returns the pixels of each view on which the bare splat of `cloud` puts a point: one pixel a
+/// point, then the connectivity filter.
 ///
 /// # Errors
 /// What [`splat_views`] refuses.
@@ -240,7 +240,8 @@ fn splat_test_views(
     )
 }
 
-/// Errors of the bare point splat of a cloud at `views`: one pixel a point, black where there is none.
+/// Measures the bare point splat of a cloud at `views`: one pixel a point, black where there is
+/// none.
 ///
 /// # Errors
 /// What [`splat_views`] refuses.
@@ -253,7 +254,7 @@ pub fn score_point_splat(
     score_splats(&splat_test_views(cloud, frame, views, config)?, views)
 }
 
-/// Errors of splats at `views`, one each.
+/// Measures splats against the photographs of `views`, one each.
 ///
 /// # Errors
 /// An image whose size is not its view's.

@@ -1,4 +1,4 @@
-//! Errors of poses where the true ones are known.
+//! This module measures errors of poses when the true ones are known.
 
 use crate::camera::{Camera, Frame};
 use crate::scene::PointCloud;
