@@ -1,4 +1,4 @@
-//! The pseudo-focus and the sphere around it.
+//! This module finds the pseudo-focus and the sphere around it.
 
 use glam::{DMat3, DVec3};
 use nalgebra::{Matrix3, SymmetricEigen};
@@ -22,21 +22,22 @@ pub struct Focus {
     pub center: DVec3,
     /// `R`, the greatest distance of a training camera from `c`, world units; positive.
     pub radius: f64,
-    /// The scene's extent, world units; positive and at most `R`: `R`, or twice the median distance of
-    /// the training cameras from `c` where that is less. No single camera decides it.
+    /// The scene's extent, world units; positive and at most `R`: `R`, or twice the median distance
+    /// of the training cameras from `c` where that is less. No single camera decides it.
     ///
     /// Tolerances and planes that should fit what is photographed are shares of it and not of `R`,
     /// which one camera far away makes as large as it likes. If no camera is over twice as far as
-    /// the median one, the two are the same number. The median is the lower of two, without cameras that
-    /// are a thousand times nearer than the upper of two: they stand at `c` itself and have no distance.
+    /// the median one, the two are the same number. The median is the lower of two, without cameras
+    /// that are a thousand times nearer than the upper of two: they stand at `c` itself and have no
+    /// distance.
     pub extent: f64,
     /// For the log: why `c` is not the paper's, and what it is instead.
     pub fallback: Option<String>,
 }
 
 impl Focus {
-    /// The paper's pseudo-focus, `c = argmin_x sum_i |(x - o_i) x d_i|^2` (Eq. 1), with
-    /// `R = max_i |o_i - c|`.
+    /// Finds the paper's pseudo-focus, `c = argmin_x sum_i |(x - o_i) x d_i|^2` (Eq. 1), with `R =
+    /// max_i |o_i - c|`.
     ///
     /// If the optical axes do not fix `c` (one camera, nearly parallel or opposed axes) or
     /// meet in the cameras' common centre, `c` is instead the confidence-weighted median of the
@@ -121,7 +122,7 @@ impl Focus {
         .checked()
     }
 
-    /// The canonical frame: focus at the origin, sphere of radius 1.
+    /// Returns the canonical frame: focus at the origin, sphere of radius 1.
     pub fn frame(&self) -> Frame {
         Frame {
             center: self.center,
@@ -142,7 +143,7 @@ impl Focus {
     }
 }
 
-/// The fallback focus: on the line through `origin` along `axis`, at the weighted median of
+/// Finds the fallback focus: on the line through `origin` along `axis`, at the weighted median of
 /// the cloud points that some camera has in front of it.
 fn along_axis(
     cameras: &[Camera],
@@ -195,7 +196,7 @@ fn greatest_distance(cameras: &[Camera], center: DVec3) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// [`Focus::extent`].
+/// Computes [`Focus::extent`].
 fn robust_extent(cameras: &[Camera], center: DVec3, radius: f64) -> f64 {
     let mut distances: Vec<f64> = cameras
         .iter()
@@ -208,7 +209,7 @@ fn robust_extent(cameras: &[Camera], center: DVec3, radius: f64) -> f64 {
     distances.get(lower).map_or(radius, |d| radius.min(2.0 * d))
 }
 
-/// The median (the upper one of two), or `None` for nothing.
+/// Returns the median (the upper one of two), or `None` for no value.
 fn median(values: &mut [f64]) -> Option<f64> {
     if values.is_empty() {
         return None;
@@ -217,7 +218,7 @@ fn median(values: &mut [f64]) -> Option<f64> {
     Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// The first value at which half of the weight is reached. Weights that are negative or not
+/// Returns the first value at which half of the weight is reached. Weights that are negative or not
 /// finite count as none; where all are none, each counts the same.
 fn weighted_median(values: &mut [(f64, f64)]) -> Option<f64> {
     for (_, weight) in values.iter_mut() {

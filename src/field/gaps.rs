@@ -1,4 +1,5 @@
-//! This module finds where photographs leave the scene uncovered, and where another would help most.
+//! This module finds where photographs leave the scene uncovered, and where another would help
+//! most.
 //!
 //! A direction about the focus is uncovered by `max(0, 1 - U_info)`: 0 where a photograph was
 //! taken from, 1 where none informs it. Only elevations near the cameras' own count: nobody
@@ -26,21 +27,22 @@ pub struct Gaps {
     pub worst: DVec3,
     /// How uncovered it is, in [0, 1].
     pub worst_value: f64,
-    /// The place of one more photograph that leaves the least mean, among directions that are themselves
-    /// uncovered at least half as much as the worst. Kernels are wide: the mean alone may gain most
-    /// beside a photograph that is there already, between two holes, and shows nothing new.
+    /// The place of one more photograph that leaves the least mean, among directions that are
+    /// themselves uncovered at least half as much as the worst. Kernels are wide: the mean alone
+    /// may gain most beside a photograph that is there already, between two holes, and shows
+    /// nothing new.
     pub advice: DVec3,
     /// The mean with it.
     pub mean_with_advice: f64,
 }
 
-/// How uncovered a unit direction is, in [0, 1].
+/// Returns how uncovered a unit direction is, in [0, 1].
 pub fn uncovered(field: &Field, direction: DVec3) -> f64 {
     (1.0 - field.u_info(direction)).max(0.0)
 }
 
 impl Gaps {
-    /// Looks for the gaps that the field's cameras leave. None without a camera.
+    /// Looks for the gaps that the field's cameras leave; `None` without a camera.
     pub fn find(field: &Field, compass: &Compass) -> Option<Gaps> {
         let elevations = field.directions.iter().map(|d| compass.angles(*d).1);
         let (low, high) = elevations.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), e| {
@@ -85,7 +87,7 @@ impl Gaps {
     }
 }
 
-/// The first of `indices` with the least value.
+/// Returns the first of `indices` with the least value.
 fn first_least(indices: impl Iterator<Item = usize>, values: &[f64]) -> Option<usize> {
     indices.min_by(|a, b| values[*a].total_cmp(&values[*b]))
 }

@@ -1,4 +1,5 @@
-//! The camera potential field: pseudo-focus, sphere, information and confidence potentials.
+//! The camera potential field has its pseudo-focus, sphere, information and confidence potentials
+//! here.
 
 mod focus;
 pub mod gaps;

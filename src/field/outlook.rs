@@ -1,4 +1,4 @@
-//! Whether the training cameras look at the focus or away from it.
+//! This module tells whether the training cameras look at the focus or away from it.
 
 use super::Focus;
 use crate::camera::Camera;
@@ -32,13 +32,14 @@ impl Outlook {
         }
     }
 
-    /// Whether half of the cameras or more look away from the focus: then a view from the sphere
-    /// around it that looks at it shows little of what they see.
+    /// Returns whether half of the cameras or more look away from the focus: then a view from the
+    /// sphere around it that looks at it shows little of what they see.
     pub fn is_outward(&self) -> bool {
         !self.away.is_empty() && 2 * self.away.len() >= self.n_cameras
     }
 
-    /// For the log; `None` where all cameras look at the focus. `cameras` are those that it was made of.
+    /// Returns a line for the log; `None` if all cameras look at the focus. `cameras` are those
+    /// that it was made of.
     pub fn warning(&self, cameras: &[Camera]) -> Option<String> {
         let (n_away, n) = (self.away.len(), self.n_cameras);
         let names: Vec<String> = self

@@ -1,4 +1,4 @@
-//! The potentials of a direction, and the grid of candidate directions.
+//! This module has the potentials of a direction, and the grid of candidate directions.
 
 use std::f64::consts::TAU;
 
@@ -22,7 +22,7 @@ pub struct Field {
 }
 
 impl Field {
-    /// The field of the training cameras. A camera at the focus itself has no direction; it
+    /// Makes the field of the training cameras. A camera at the focus itself has no direction; it
     /// counts as if drawn back along its optical axis, where cameras that look at `c` lie.
     pub fn new(cameras: &[Camera], focus: &Focus, config: &FieldConfig) -> Field {
         let directions = cameras
@@ -44,8 +44,8 @@ impl Field {
         }
     }
 
-    /// Information potential of a unit direction, the sum of the kernel over the cameras:
-    /// `U_info(p) = sum_i sech(sigma (1 - p . v_i))` (Eq. 2), or with von Mises-Fisher
+    /// Returns the information potential of a unit direction, the sum of the kernel over the
+    /// cameras: `U_info(p) = sum_i sech(sigma (1 - p . v_i))` (Eq. 2), or with von Mises-Fisher
     /// `sum_i exp(kappa (p . v_i - 1))`, 1 at a lone camera's direction, too.
     pub fn u_info(&self, p: DVec3) -> f64 {
         let kernel = |x: f64| match self.kernel {
@@ -58,7 +58,8 @@ impl Field {
             .sum()
     }
 
-    /// Confidence penalty `U_conf(p) = min_i arccos(p . v_i)` of a unit direction, radians.
+    /// Returns the confidence penalty `U_conf(p) = min_i arccos(p . v_i)` of a unit direction,
+    /// radians.
     pub fn u_conf(&self, p: DVec3) -> f64 {
         self.directions
             .iter()
@@ -66,12 +67,13 @@ impl Field {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Camera potential `U_total = U_info + lambda U_conf` of a unit direction.
+    /// Returns the camera potential `U_total = U_info + lambda U_conf` of a unit direction.
     pub fn u_total(&self, p: DVec3) -> f64 {
         self.u_info(p) + self.lambda * self.u_conf(p)
     }
 
-    /// The index of the training camera nearest to a unit direction, by angle; the first of equals.
+    /// Returns the index of the training camera nearest to a unit direction, by angle; the first of
+    /// equals.
     pub fn nearest(&self, p: DVec3) -> usize {
         let mut nearest = 0;
         for (i, v) in self.directions.iter().enumerate() {
@@ -83,7 +85,8 @@ impl Field {
     }
 }
 
-/// Angle between two unit vectors in radians; unlike `acos`, exact to rounding near 0 and pi.
+/// Returns the angle between two unit vectors in radians; unlike `acos`, exact to rounding near 0
+/// and pi.
 pub fn angle(a: DVec3, b: DVec3) -> f64 {
     a.cross(b).length().atan2(a.dot(b))
 }
@@ -98,7 +101,7 @@ pub struct Coverage {
 }
 
 impl Coverage {
-    /// Extremes of `U_info` over `grid`, unit directions, at least one.
+    /// Takes the extremes and the mean of `U_info` over `grid`, unit directions, at least one.
     ///
     /// The grid and not the Gaussians sets the scale, so that thresholds stay put while
     /// Gaussians come and go.
@@ -118,8 +121,8 @@ impl Coverage {
         coverage
     }
 
-    /// `Q_i = U_info((x_i - c) / |x_i - c|)` for `offset = x_i - c`, any unit of length.
-    /// At `c` itself, which has no direction, the mean over the sphere.
+    /// Returns `Q_i = U_info((x_i - c) / |x_i - c|)` for `offset = x_i - c`, any unit of length. At
+    /// `c` itself, which has no direction, the mean over the sphere.
     pub fn q(&self, offset: DVec3) -> f64 {
         match offset.try_normalize() {
             Some(direction) => self.field.u_info(direction),
@@ -127,7 +130,7 @@ impl Coverage {
         }
     }
 
-    /// `Norm(Q)` in `[0, 1]`, min-max over the grid; 1 where the field is flat.
+    /// Returns `Norm(Q)` in `[0, 1]`, min-max over the grid; 1 where the field is flat.
     pub fn norm_q(&self, q: f64) -> f64 {
         if self.max > self.min {
             ((q - self.min) / (self.max - self.min)).clamp(0.0, 1.0)
@@ -137,7 +140,7 @@ impl Coverage {
     }
 }
 
-/// `n` nearly uniform unit directions on a Fibonacci (golden angle) spiral around z.
+/// Returns `n` nearly uniform unit directions on a Fibonacci (golden angle) spiral around z.
 pub fn fibonacci_sphere(n: usize) -> Vec<DVec3> {
     let golden = 0.5 * (5f64.sqrt() - 1.0);
     (0..n)
