@@ -1,4 +1,4 @@
-//! Views among cameras that look outward.
+//! This module places views among cameras that look outward.
 
 use glam::{DMat3, DQuat};
 
@@ -10,13 +10,14 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::field::{Focus, angle};
 
-/// Optical axes farther apart are not turned into one another: the way between them is nobody's view.
+/// Optical axes farther apart are not turned into one another: the way between them is nobody's
+/// view.
 const MAX_TURN: f64 = 120.0 / 180.0 * std::f64::consts::PI;
 
-/// So many views between training cameras, for layouts that look outward
-/// ([`Outlook`](crate::field::Outlook)): each at a uniform share of the way between the cameras of a
-/// uniformly drawn pair, the place on the line between them, the orientation on the shortest turn.
-/// Pairs whose axes are over 120 degrees apart are left out as long as others remain; a lone
+/// Places so many views between training cameras, for layouts that look outward
+/// ([`Outlook`](crate::field::Outlook)): each at a uniform share of the way between the cameras of
+/// a uniformly drawn pair, the place on the line between them, the orientation on the shortest
+/// turn. Pairs whose axes are over 120 degrees apart are left out as long as others remain; a lone
 /// camera is a pair with itself.
 ///
 /// `U_conf` is the angle to the nearest training camera's optical axis: directions about the focus
@@ -61,7 +62,7 @@ pub(super) fn among(
     Ok(views.collect())
 }
 
-/// The pairs to interpolate between.
+/// Lists the pairs to interpolate between.
 fn pairs(train: &[Camera]) -> Vec<(usize, usize)> {
     let n = train.len();
     let all: Vec<(usize, usize)> = (0..n)

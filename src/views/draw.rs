@@ -1,4 +1,4 @@
-//! Random numbers of the view choice, and the weighted draw.
+//! This module has the random numbers of the view choice, and the weighted draw.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -8,19 +8,19 @@ use crate::error::{Error, Result};
 /// The random stream of the view choice, apart from those of other consumers of the seed.
 const STREAM: u64 = 0x7669_6577;
 
-/// The view choice's own random numbers.
+/// Returns the view choice's own random numbers.
 pub(super) fn random(seed: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(STREAM);
     rng
 }
 
-/// Uniform in the open interval (0, 1): neither end has a finite positive logarithm.
+/// Draws a number uniform in the open interval (0, 1): neither end has a finite positive logarithm.
 pub(super) fn open_unit(rng: &mut impl Rng) -> f64 {
     ((rng.next_u64() >> 11) as f64 + 0.5) / (1u64 << 53) as f64
 }
 
-/// Indices of `count` entries drawn one after another without replacement, each with
+/// Returns the indices of `count` entries drawn one after another without replacement, each with
 /// probability proportional to its weight among those left; in the order of the draw.
 ///
 /// By exponential keys `-ln(u_j) / w_j`, smallest first (Efraimidis and Spirakis, 2006).

@@ -1,4 +1,5 @@
-//! Virtual views: viewpoints chosen around the focus, and the cameras that stand there.
+//! This module chooses viewpoints around the focus, and makes the cameras that stand there: the
+//! virtual views.
 //!
 //! A [strategy](crate::config::Strategy) gives [`Viewpoint`]s; [`place`] turns any into views.
 //! The paper's is a weighting of the candidate grid ([`potential_weights`]) and a draw from it
@@ -20,8 +21,8 @@ use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::field::{Field, Focus, Outlook, fibonacci_sphere};
 
-/// A camera that no photograph was taken with; it looks at the focus unless the training cameras look
-/// outward.
+/// A camera that no photograph was taken with; it looks at the focus unless the training cameras
+/// look outward.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VirtualView {
     /// World frame; named `virtual_000` onwards in the order of the choice.
@@ -44,7 +45,7 @@ pub struct Viewpoint {
 }
 
 impl Viewpoint {
-    /// On the sphere, in a unit direction.
+    /// Returns the viewpoint on the sphere in a unit direction.
     pub fn on_sphere(direction: DVec3) -> Viewpoint {
         Viewpoint {
             direction,
@@ -53,8 +54,8 @@ impl Viewpoint {
     }
 }
 
-/// A view in every candidate direction of the grid, in its order; where the training cameras look
-/// outward ([`Outlook`]), as many views among them.
+/// Places a view in every candidate direction of the grid, in its order; where the training cameras
+/// look outward ([`Outlook`]), as many views among them.
 ///
 /// # Errors
 /// No training camera to take the intrinsics from.
@@ -72,13 +73,13 @@ pub fn candidates(
     place(&viewpoints, train, focus, field, config)
 }
 
-/// The `K = config.views.count` virtual views, chosen once by `config.views.strategy`; fewer
+/// Chooses the `K = config.views.count` virtual views once, by `config.views.strategy`; fewer
 /// where `config.views.visibility` leaves fewer candidates. The paper's: candidates on a
-/// Fibonacci sphere, drawn without replacement with probability `P_j = w_j / sum w`,
-/// `w = 1 / (U_total + epsilon)`.
+/// Fibonacci sphere, drawn without replacement with probability `P_j = w_j / sum w`, `w = 1 /
+/// (U_total + epsilon)`.
 ///
-/// If the training cameras look outward, the candidates are views among them and are drawn with equal
-/// weights, whatever the strategy: none that looks at the focus shows what they see.
+/// If the training cameras look outward, the candidates are views among them and are drawn with
+/// equal weights, whatever the strategy: none that looks at the focus shows what they see.
 ///
 /// `visible_shares`, of the [`candidates`] in their order, is what
 /// `config.views.visibility` judges by; without it there is no such judgement.

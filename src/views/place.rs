@@ -1,4 +1,4 @@
-//! Cameras at chosen viewpoints.
+//! This module places cameras at chosen viewpoints.
 
 use glam::DVec3;
 
@@ -11,7 +11,7 @@ use crate::field::{Field, Focus, angle};
 /// Within this angle of straight above or below, the mean up direction turns too fast to use.
 const POLE: f64 = 10.0 / 180.0 * std::f64::consts::PI;
 
-/// Virtual views at the given viewpoints, looking at the focus.
+/// Places virtual views at the given viewpoints, looking at the focus.
 ///
 /// # Errors
 /// No training camera to take the intrinsics from.
@@ -46,7 +46,7 @@ pub fn place(
     Ok(views.collect())
 }
 
-/// The supervision weight of a view.
+/// Returns the supervision weight of a view.
 pub(super) fn alpha(u_conf: f64, config: &Config) -> f64 {
     if config.loss.confidence_weighting {
         1.0 / (1.0 + u_conf)
@@ -55,13 +55,13 @@ pub(super) fn alpha(u_conf: f64, config: &Config) -> f64 {
     }
 }
 
-/// The mean of the cameras' up directions; short where they cancel out.
+/// Returns the mean of the cameras' up directions; short where they cancel out.
 pub(super) fn mean_up(train: &[Camera]) -> DVec3 {
     train.iter().map(Camera::up).sum::<DVec3>() / train.len() as f64
 }
 
-/// The most common training image size (the first of equals), the median focal lengths among
-/// the cameras that have it, and a centred principal point.
+/// Returns the most common training image size (the first of equals), the median focal lengths
+/// among the cameras that have it, and a centred principal point.
 pub(super) fn typical_intrinsics(train: &[Camera]) -> Result<Camera> {
     let same_size = |a: &Camera, b: &Camera| (a.width, a.height) == (b.width, b.height);
     let mut typical: Option<(&Camera, usize)> = None;
@@ -92,9 +92,9 @@ pub(super) fn typical_intrinsics(train: &[Camera]) -> Result<Camera> {
     })
 }
 
-/// Which way is up in a view along `direction`: the mean camera up; near its poles, or where
-/// the ups cancel out, the nearest training camera's up; where that camera itself looks across
-/// the sphere, its viewing direction, which cannot then be parallel too.
+/// Decides which way is up in a view along `direction`: the mean camera up; near its poles, or
+/// where the ups cancel out, the nearest training camera's up; where that camera itself looks
+/// across the sphere, its viewing direction, which cannot then be parallel too.
 fn choose_up(direction: DVec3, mean_up: DVec3, nearest: &Camera) -> DVec3 {
     let off_pole = |up: DVec3| {
         let theta = angle(direction, up);

@@ -1,4 +1,4 @@
-//! Strategies that choose where virtual views stand.
+//! A strategy chooses where virtual views stand.
 
 use glam::DVec3;
 
@@ -13,7 +13,7 @@ use crate::field::{Field, Focus, angle, fibonacci_sphere};
 /// Directions whose angle has a smaller sine span no arc of their own.
 const MIN_ARC_SINE: f64 = 1e-6;
 
-/// At most `config.views.count` viewpoints, in the order of the choice.
+/// Chooses at most `config.views.count` viewpoints, in the order of the choice.
 pub(super) fn choose(
     train: &[Camera],
     focus: &Focus,
@@ -50,8 +50,8 @@ pub(super) fn choose(
         .collect())
 }
 
-/// At most `config.views.count` of the candidate views, drawn with equal weights but for what
-/// `config.views.visibility` makes of their shares, and named in the order of the draw.
+/// Chooses at most `config.views.count` of the candidate views, drawn with equal weights but for
+/// what `config.views.visibility` makes of their shares, and named in the order of the draw.
 pub(super) fn drawn(
     candidates: Vec<VirtualView>,
     visible_shares: Option<&[f64]>,
@@ -72,7 +72,7 @@ pub(super) fn drawn(
     Ok(named.collect())
 }
 
-/// The candidates that show enough of what training cameras see, and what their weights are
+/// Keeps the candidates that show enough of what training cameras see, and what their weights are
 /// multiplied by.
 fn supported<T>(
     grid: Vec<T>,
@@ -106,7 +106,7 @@ fn supported<T>(
     Ok(kept)
 }
 
-/// Sampling weights `w_j = 1 / (U_total(p_j) + epsilon)`.
+/// Returns the sampling weights `w_j = 1 / (U_total(p_j) + epsilon)`.
 pub fn potential_weights(field: &Field, candidates: &[DVec3], epsilon: f64) -> Vec<f64> {
     candidates
         .iter()
@@ -114,8 +114,8 @@ pub fn potential_weights(field: &Field, candidates: &[DVec3], epsilon: f64) -> V
         .collect()
 }
 
-/// Sampling weights `w_j = theta_min(p_j) + epsilon`: the paper's nearest-angle cue alone, and as
-/// in the potential, places far from all cameras are drawn most.
+/// Returns the sampling weights `w_j = theta_min(p_j) + epsilon`: the paper's nearest-angle cue
+/// alone, and as in the potential, places far from all cameras are drawn most.
 pub fn nearest_angle_weights(field: &Field, candidates: &[DVec3], epsilon: f64) -> Vec<f64> {
     candidates
         .iter()
@@ -123,8 +123,8 @@ pub fn nearest_angle_weights(field: &Field, candidates: &[DVec3], epsilon: f64) 
         .collect()
 }
 
-/// Indices of `count` candidates, at most all: each in turn the one whose nearest direction among
-/// `taken` and those before it is farthest; of equals the first (Gonzalez, 1985).
+/// Returns the indices of `count` candidates, at most all: each in turn the one whose nearest
+/// direction among `taken` and those before it is farthest; of equals the first (Gonzalez, 1985).
 pub fn farthest_points(candidates: &[DVec3], taken: &[DVec3], count: usize) -> Vec<usize> {
     // The chord grows with the angle.
     let chord = |p: &DVec3, q: &DVec3| p.distance_squared(*q);
@@ -150,9 +150,9 @@ pub fn farthest_points(candidates: &[DVec3], taken: &[DVec3], count: usize) -> V
     chosen
 }
 
-/// `count` viewpoints, each between two training cameras of a uniformly drawn pair, at a uniform
-/// share `t` of the way: the direction turns at even pace along the great circle, the distance
-/// from the focus changes linearly. If the directions are opposed, the arc leads over the
+/// Places `count` viewpoints, each between two training cameras of a uniformly drawn pair, at a
+/// uniform share `t` of the way: the direction turns at even pace along the great circle, the
+/// distance from the focus changes linearly. If the directions are opposed, the arc leads over the
 /// side that is up.
 fn interpolate(
     train: &[Camera],
@@ -186,8 +186,8 @@ fn interpolate(
         .collect())
 }
 
-/// The unit direction at a share `t` of the arc from `a` to `b`, by way of `up` where the two
-/// are opposed.
+/// Returns the unit direction at a share `t` of the arc from `a` to `b`, by way of `up` where the
+/// two are opposed.
 fn arc(a: DVec3, b: DVec3, t: f64, up: DVec3) -> DVec3 {
     let theta = angle(a, b);
     let across = |v: DVec3| v - a * a.dot(v);
