@@ -1,5 +1,5 @@
-//! Reading files whole, and a checked little-endian reader: every read that the file is too short
-//! for names its byte.
+//! This module reads files whole, and has a checked little-endian reader: a read that the file is
+//! too short for names its byte.
 
 use std::path::Path;
 
@@ -24,7 +24,7 @@ impl<'a> Reader<'a> {
         Self { bytes, position: 0 }
     }
 
-    /// Offset of the next unread byte.
+    /// Returns the offset of the next unread byte.
     pub(crate) fn position(&self) -> usize {
         self.position
     }
@@ -80,7 +80,7 @@ impl<'a> Reader<'a> {
         Ok(values)
     }
 
-    /// A `u64` count of `what` that take at least `item_bytes` each: a count that the rest of
+    /// Reads a `u64` count of `what` that take at least `item_bytes` each: a count that the rest of
     /// the file has no room for is refused before anything is allocated or looped over.
     pub(crate) fn count(&mut self, item_bytes: usize, what: &str) -> Result<usize> {
         let at = self.position;
@@ -106,7 +106,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Bytes up to a NUL, which is consumed.
+    /// Reads the bytes up to a NUL, which is consumed.
     pub(crate) fn nul_terminated(&mut self, what: &str) -> Result<&'a [u8]> {
         let rest = self.rest();
         let Some(length) = rest.iter().position(|&b| b == 0) else {

@@ -1,5 +1,5 @@
-//! Files: reading them whole, writing them so that no half-written one stands under its name, and
-//! the parts of formats that more than one module reads (`bytes`, `npy`, `ply`).
+//! This module reads files whole, writes them so that no half-written one stands under its name,
+//! and has the parts of formats that more than one module reads (`bytes`, `npy`, `ply`).
 
 pub(crate) mod bytes;
 pub mod digest;
@@ -33,7 +33,7 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     write_parts(path, [Ok(bytes)].into_iter())
 }
 
-/// [`write_file`] for a file that comes in parts; one that fails leaves no file.
+/// Does what [`write_file`] does for a file that comes in parts; one that fails leaves no file.
 pub fn write_parts<B: AsRef<[u8]>>(
     path: &Path,
     parts: impl Iterator<Item = Result<B>>,
@@ -80,7 +80,8 @@ pub fn create_dir(path: &Path) -> Result<()> {
         .map_err(|e| Error::new(format!("cannot create the directory: {e}")).at_path(path))
 }
 
-/// Peak resident set of this process in bytes, where the system tells (Linux).
+/// Returns the peak resident set of this process in bytes; `None` if the system does not tell
+/// (Linux does).
 pub fn peak_host_bytes() -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;

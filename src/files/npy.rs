@@ -1,11 +1,11 @@
-//! Vectors as NumPy's `.npy`, version 1 to 3 (NEP 1).
+//! This module reads vectors from NumPy's `.npy`, version 1 to 3 (NEP 1).
 //!
 //! The crates that read the format bring a parser of Python literals along; a header takes one
 //! line of three known keys.
 
 use crate::error::{Error, Result};
 
-/// The numbers of a float array of one dimension, or of several of which all but one are 1.
+/// Reads the numbers of a float array of one dimension, or of several of which all but one are 1.
 ///
 /// # Errors
 ///
@@ -47,7 +47,7 @@ fn elements<const N: usize>(data: &[u8], read: impl Fn([u8; N]) -> f32) -> Vec<f
     whole.iter().copied().map(read).collect()
 }
 
-/// The header's text and what follows it.
+/// Splits a file into the header's text and what follows it.
 fn split(bytes: &[u8]) -> Result<(&str, &[u8])> {
     let Some(rest) = bytes.strip_prefix(b"\x93NUMPY") else {
         return Err(Error::new("not an .npy file").at("byte 0"));
@@ -74,7 +74,7 @@ struct Header<'a> {
 }
 
 impl<'a> Header<'a> {
-    /// A Python dict of `descr`, `fortran_order` and `shape`, in any order. The order of the
+    /// Parses a Python dict of `descr`, `fortran_order` and `shape`, in any order. The order of the
     /// axes means nothing to a vector.
     fn parse(text: &'a str) -> Result<Header<'a>> {
         let mut rest = text
@@ -104,7 +104,7 @@ impl<'a> Header<'a> {
     }
 }
 
-/// `(3, 1` to `[3, 1]`.
+/// Parses `(3, 1` to `[3, 1]`.
 fn tuple(text: &str) -> Result<Vec<usize>> {
     let list = text
         .strip_prefix('(')

@@ -1,4 +1,4 @@
-//! PLY headers, for clouds and Gaussians alike.
+//! This module reads PLY headers, for clouds and Gaussians alike.
 //!
 //! The format is parsed by `ply-rs`. Before it sees a header, [`read_header`] refuses what it
 //! would panic on (counts beyond 64 bits), merge silently (names that appear twice) or loop over
@@ -106,7 +106,7 @@ fn duplicate(kind: &str, name: &str) -> Error {
     Error::new(format!("{kind} `{}` appears twice", name.escape_debug()))
 }
 
-/// Bytes that a value takes in a binary row.
+/// Returns the bytes that a value takes in a binary row.
 pub(crate) fn scalar_bytes(scalar: &ScalarType) -> usize {
     match scalar {
         ScalarType::Char | ScalarType::UChar => 1,
@@ -116,7 +116,8 @@ pub(crate) fn scalar_bytes(scalar: &ScalarType) -> usize {
     }
 }
 
-/// The messages of `ply-rs` quote whole lines of the file: one line of ours, and not too long.
+/// Returns a message of `ply-rs`, which may quote whole lines of the file, as one line that is not
+/// too long.
 pub(crate) fn one_line(error: &io::Error) -> String {
     let words: Vec<String> = error
         .to_string()
