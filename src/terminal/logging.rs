@@ -1,4 +1,4 @@
-//! Messages on stderr: lines for people, or one JSON object a line for programs.
+//! This module writes messages to stderr: lines for people, or one JSON object a line for programs.
 //!
 //! | level | fields of the object |
 //! |---|---|
@@ -37,7 +37,7 @@ pub fn start(style: Style, quiet: bool) {
     }
 }
 
-/// The style that [`start`] has set.
+/// Returns the style that [`start`] has set.
 pub fn style() -> Style {
     STYLE.get().copied().unwrap_or_default()
 }
@@ -84,7 +84,7 @@ pub fn end(error: &Error) {
     );
 }
 
-/// A message of a level as a line, without its end.
+/// Returns a message of a level as a line, without the line's end.
 pub fn line(style: Style, level: &str, message: &str) -> String {
     match style {
         Style::Json => json!({ "level": level, "message": message }).to_string(),

@@ -1,4 +1,4 @@
-//! What the terminal shows: the log ([`logging`]), progress ([`progress`]) and tables.
+//! The terminal shows the log ([`logging`]), progress ([`progress`]) and tables.
 
 pub mod logging;
 pub mod progress;

@@ -1,4 +1,4 @@
-//! Progress on stderr: a bar on a terminal, else a line every few seconds.
+//! This module shows progress on stderr: a bar on a terminal, else a line every few seconds.
 
 use std::io::Write;
 use std::time::{Duration, Instant};
@@ -50,12 +50,12 @@ struct State {
 }
 
 impl Progress {
-    /// Progress of training over `total` iterations.
+    /// Shows the progress of training over `total` iterations.
     pub fn new(total: u32) -> Progress {
         Self::stage("training", total)
     }
 
-    /// Progress of `stage` over `total` steps, as [`logging::start`] has set it.
+    /// Shows the progress of `stage` over `total` steps, as [`logging::start`] has set it.
     pub fn stage(stage: &'static str, total: u32) -> Progress {
         let shown = |sink| Progress {
             sink,
@@ -96,7 +96,7 @@ impl Progress {
         self
     }
 
-    /// Training's lines in a style into `out`, at most one an `interval`.
+    /// Writes training's lines in a style to `out`, at most one an `interval`.
     pub fn lines(
         style: Style,
         total: u32,
@@ -110,7 +110,7 @@ impl Progress {
         }
     }
 
-    /// After `iteration` iterations of training.
+    /// Shows where training stands after `iteration` iterations.
     pub fn update(&mut self, iteration: u32, loss: f64, n_gaussians: usize) {
         self.show(State {
             done: iteration,
@@ -118,7 +118,7 @@ impl Progress {
         });
     }
 
-    /// After `done` steps of another stage.
+    /// Shows where another stage stands after `done` steps.
     pub fn advance(&mut self, done: u32) {
         self.show(State {
             done,
@@ -208,7 +208,8 @@ impl State {
         })
     }
 
-    /// `1500/10000  12.3 it/s  loss 0.0812  51234 Gaussians  11m31s left`, or the same as JSON.
+    /// Returns `1500/10000  12.3 it/s  loss 0.0812  51234 Gaussians  11m31s left`, or the same as
+    /// JSON.
     fn line(&self, style: Style, stage: &str, pace: Pace) -> String {
         let (done, total) = (self.done, pace.total);
         let (per_second, left) = pace.at(done);
@@ -243,7 +244,7 @@ impl State {
     }
 }
 
-/// Seconds as `2h05m`, `11m31s` or `42s`; `?` where unknown.
+/// Returns seconds as `2h05m`, `11m31s` or `42s`; `?` where unknown.
 pub fn short_time(seconds: f64) -> String {
     if !seconds.is_finite() {
         return "?".to_owned();

@@ -1,4 +1,4 @@
-//! Markdown tables.
+//! This module writes Markdown tables.
 
 use std::fmt::{self, Write as _};
 
@@ -11,12 +11,12 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table whose first column is text.
+    /// Returns a table whose first column is text.
     pub fn new(header: &[&str]) -> Table {
         Table::with_text(1, header)
     }
 
-    /// A table whose first `n_text` columns are text.
+    /// Returns a table whose first `n_text` columns are text.
     pub fn with_text(n_text: usize, header: &[&str]) -> Table {
         Table {
             n_text,
@@ -31,7 +31,7 @@ impl Table {
         self.rows.push(row);
     }
 
-    /// The header and the rows, as they came.
+    /// Returns the header and the rows, as they came.
     pub fn rows(&self) -> &[Vec<String>] {
         &self.rows
     }
@@ -83,7 +83,7 @@ pub(crate) fn escaped(cell: &str) -> String {
         .replace('|', "\\|")
 }
 
-/// `n/a` for what was not measured.
+/// Returns the figure with `digits` after the point, or `n/a` for what was not measured.
 pub(crate) fn figure(value: Option<f64>, digits: usize) -> String {
     match value {
         Some(value) => format!("{value:.digits$}"),
