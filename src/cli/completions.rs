@@ -1,4 +1,4 @@
-//! `gspotential completions`
+//! This is the command `gspotential completions`.
 
 use clap::{Args, CommandFactory};
 use clap_complete::{Shell, generate};

@@ -1,4 +1,4 @@
-//! `gspotential doctor`
+//! This is the command `gspotential doctor`.
 
 use std::path::PathBuf;
 

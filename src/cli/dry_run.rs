@@ -1,11 +1,11 @@
-//! What `train --dry-run` prints.
+//! This module writes what `train --dry-run` prints.
 
 use crate::pipeline::DryRun;
 use crate::report::agreement_table;
 use crate::terminal::Table;
 use crate::terminal::progress::short_time;
 
-/// What a run would take, as a table.
+/// Returns as a table what a run would take.
 pub(crate) fn text(dry: &DryRun) -> String {
     let mut table = Table::with_text(2, &["", "value"]);
     let mut row = |what: &str, value: String| table.row(&[what.to_owned(), value]);

@@ -1,4 +1,4 @@
-//! `gspotential eval`
+//! This is the command `gspotential eval`.
 
 use std::path::{Path, PathBuf};
 
@@ -170,7 +170,7 @@ impl EvalArgs {
     }
 }
 
-/// The absolute folder that `--scene` names.
+/// Returns the absolute folder that `--scene` names.
 fn moved_scene(dir: &Path) -> Result<PathBuf> {
     match SceneSource::Folder(dir.to_owned()).resolved()? {
         SceneSource::Folder(dir) => Ok(dir),

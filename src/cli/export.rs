@@ -1,4 +1,4 @@
-//! `gspotential export`
+//! This is the command `gspotential export`.
 
 use std::path::PathBuf;
 

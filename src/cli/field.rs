@@ -1,4 +1,4 @@
-//! `gspotential field`
+//! This is the command `gspotential field`.
 
 use std::path::PathBuf;
 
@@ -85,7 +85,7 @@ impl FieldArgs {
     }
 }
 
-/// What a person needs to know of a field.
+/// Returns the lines that a person needs of a field.
 fn text(report: &FieldReport) -> String {
     let mut table = Table::new(&[
         "view",
@@ -146,7 +146,7 @@ fn text(report: &FieldReport) -> String {
     )
 }
 
-/// How to walk from the nearest photograph to the advised one.
+/// Says how to walk from the nearest photograph to the advised one.
 fn route(nearest: &str, to_the_right: f64, upwards: f64) -> String {
     let side = if to_the_right >= 0.0 { "right" } else { "left" };
     let height = match upwards {

@@ -1,4 +1,4 @@
-//! What every command takes: the adapter, threads, and how it speaks.
+//! This module holds the options that every command takes: the adapter, threads, and how it speaks.
 
 use clap::Args;
 

@@ -1,4 +1,5 @@
-//! Options that say how test views are measured, of every command that does.
+//! This module holds the options that say how test views are measured, for every command that
+//! measures.
 
 use std::path::PathBuf;
 

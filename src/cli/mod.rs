@@ -1,4 +1,4 @@
-//! The commands. Logs go to stderr, tables to stdout.
+//! The commands live here. Logs go to stderr, tables to stdout.
 
 mod completions;
 mod doctor;
@@ -94,7 +94,7 @@ fn print(text: &str) -> Result<()> {
     }
 }
 
-/// Whether a file that a command writes may be written, before it takes time.
+/// Refuses an output file that may not be written, before anything takes time.
 fn check_output(path: &Path, overwrite: bool) -> Result<()> {
     if path.is_dir() {
         return Err(Error::usage("is a folder").at_path(path));

@@ -1,4 +1,4 @@
-//! `gspotential presets`
+//! This is the command `gspotential presets`.
 
 use clap::Args;
 
@@ -35,7 +35,8 @@ impl PresetsArgs {
     }
 }
 
-/// A row a key whose value the presets do not share, a column a preset.
+/// Returns a table with a row for every key whose value the presets do not share and a column for
+/// every preset.
 fn difference_table(keys: &[Key]) -> Table {
     let names = PRESETS.iter().map(|(name, _)| *name);
     let header: Vec<&str> = std::iter::once("key").chain(names).collect();

@@ -1,4 +1,4 @@
-//! `gspotential render`
+//! This is the command `gspotential render`.
 
 use std::path::PathBuf;
 

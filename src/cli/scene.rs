@@ -1,4 +1,4 @@
-//! `gspotential scene`
+//! This is the command `gspotential scene`.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! `gspotential study`
+//! This is the command `gspotential study`.
 
 use std::path::PathBuf;
 

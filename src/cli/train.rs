@@ -1,4 +1,4 @@
-//! `gspotential train`
+//! This is the command `gspotential train`.
 
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
@@ -213,7 +213,7 @@ fn report(run: &RunDir, evaluation: &Evaluation, profile: bool) -> Result<()> {
     Ok(())
 }
 
-/// A scene of the photographs in a folder, beside it; returns its folder.
+/// Makes a scene of the photographs in a folder, beside it, and returns the scene's folder.
 fn make_scene(photographs: &Path, weights: Option<PathBuf>) -> Result<PathBuf> {
     let folder = photographs.canonicalize().map_err(|e| {
         Error::new(format!("cannot open the photographs: {e}")).at_path(photographs)
