@@ -1,4 +1,4 @@
-//! The one error type: what went wrong, where, and the way out.
+//! The one error type says what went wrong, where, and the way out.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -30,17 +30,17 @@ pub struct Error {
 }
 
 impl Error {
-    /// A failure (exit code 1) described by `what`.
+    /// Returns a failure (exit code 1) described by `what`.
     pub fn new(what: impl Into<String>) -> Self {
         Self::of(ErrorKind::Failure, what)
     }
 
-    /// A usage error (exit code 2) described by `what`.
+    /// Returns a usage error (exit code 2) described by `what`.
     pub fn usage(what: impl Into<String>) -> Self {
         Self::of(ErrorKind::Usage, what)
     }
 
-    /// An error of this kind described by `what`.
+    /// Returns an error of this kind described by `what`.
     pub fn of(kind: ErrorKind, what: impl Into<String>) -> Self {
         Self {
             kind,
@@ -59,7 +59,7 @@ impl Error {
         self
     }
 
-    /// [`Error::at`] for a path.
+    /// Does what [`Error::at`] does, for a path.
     pub fn at_path(self, path: &Path) -> Self {
         self.at(path.display())
     }
@@ -70,7 +70,7 @@ impl Error {
         self
     }
 
-    /// [`Error::way_out`] where none is named yet.
+    /// Does what [`Error::way_out`] does, if no way out is named yet.
     pub fn or_way_out(self, way_out: impl Into<String>) -> Self {
         match self.way_out {
             None => self.way_out(way_out),
@@ -78,12 +78,12 @@ impl Error {
         }
     }
 
-    /// What went wrong in kind, which decides the exit code.
+    /// Returns the kind of the error, which decides the exit code.
     pub fn kind(&self) -> ErrorKind {
         self.kind
     }
 
-    /// The process's exit code for this error.
+    /// Returns the process's exit code for this error.
     pub fn exit_code(&self) -> u8 {
         match self.kind {
             ErrorKind::Usage => 2,
@@ -106,7 +106,7 @@ impl fmt::Display for Error {
     }
 }
 
-/// A text file's bytes without the byte-order mark that Windows' editors put before UTF-8.
+/// Returns a text file's bytes without the byte-order mark that Windows' editors put before UTF-8.
 pub fn without_mark(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
 }
@@ -123,7 +123,7 @@ fn one_line(text: &str) -> Cow<'_, str> {
 
 impl std::error::Error for Error {}
 
-/// A way out: the nearest of `known`, if it is near.
+/// Returns a way out: the nearest of `known`, if it is near.
 pub(crate) fn did_you_mean<'a>(
     wrong: &str,
     known: impl Iterator<Item = &'a str>,
