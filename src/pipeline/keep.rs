@@ -181,6 +181,8 @@ impl<'a> Keeper<'a> {
         due || done == self.iterations || self.stop.asked()
     }
 
+    /// Keeps the run as it is between two iterations: its state, buffers and log.
+    ///
     /// # Errors
     /// A checkpoint that cannot be written, a GPU fault, or a stop that was asked for.
     pub(super) fn keep(

@@ -49,6 +49,8 @@ impl Sampler {
         Some(profile)
     }
 
+    /// Takes the time of the iteration just done.
+    ///
     /// # Errors
     /// A GPU fault.
     pub(super) fn take(&mut self, gpu: &Gpu) -> Result<()> {

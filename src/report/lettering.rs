@@ -61,7 +61,7 @@ pub(crate) fn fill(
     }
 }
 
-/// Visits columns and rows of a letter's inked pixels.
+/// Returns the columns and rows of a letter's inked pixels.
 fn ink(letter: char) -> impl Iterator<Item = (u32, u32)> {
     let code = match letter {
         ' '..='~' => letter as u32,

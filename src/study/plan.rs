@@ -46,6 +46,8 @@ pub(crate) struct Base<'a> {
 }
 
 impl<'a> Base<'a> {
+    /// Starts from a scene, whose folder must be there.
+    ///
     /// # Errors
     /// A folder that is not there.
     pub(crate) fn new(options: &'a Options, source: &SceneSource) -> Result<Base<'a>> {

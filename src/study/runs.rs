@@ -48,6 +48,8 @@ impl Planned {
         options.seeds.iter().map(planned).collect()
     }
 
+    /// Tells how far the run is: not trained, not measured, or done.
+    ///
     /// # Errors
     /// The directory holds something else: another config, scene, or version, or no run.
     pub(crate) fn state(&self, measure: &EvalOptions) -> Result<State> {

@@ -37,6 +37,8 @@ pub(crate) struct Setting {
 }
 
 impl Setting {
+    /// Loads the scene of a finished run, and finds its sphere and field.
+    ///
     /// # Errors
     /// What loading the scene refuses.
     pub(crate) fn of(run: &Finished) -> Result<Setting> {

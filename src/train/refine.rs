@@ -35,6 +35,8 @@ pub struct RefinedPose {
 }
 
 impl Refinement {
+    /// Starts to refine the poses of `views`.
+    ///
     /// # Errors
     /// A buffer that the adapter cannot bind.
     pub(crate) fn new(

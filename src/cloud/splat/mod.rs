@@ -211,6 +211,8 @@ pub(crate) fn check(cameras: &[Camera], config: &SplatConfig) -> Result<()> {
     check_size(cameras)
 }
 
+/// Refuses cameras whose image has no pixels.
+///
 /// # Errors
 /// An image without pixels.
 pub(crate) fn check_size(cameras: &[Camera]) -> Result<()> {

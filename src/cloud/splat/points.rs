@@ -28,6 +28,8 @@ pub(crate) struct Points {
 pub(crate) const BYTES_A_POINT: usize = 4 * size_of::<f64>();
 
 impl Points {
+    /// Takes the cloud's points to the canonical `frame`.
+    ///
     /// # Errors
     /// More than 2^32 - 2 points: a pixel keeps its point's index in 32 bits.
     pub(crate) fn new(cloud: &PointCloud, frame: &Frame) -> Result<Points> {

@@ -56,7 +56,7 @@ impl Column {
         }
     }
 
-    /// Prints the cells of rows that compare; what equals the best as printed is best, too.
+    /// Returns the cells of rows that compare; what equals the best as printed is best, too.
     fn cells(&self, figures: &[Option<Figure>]) -> Vec<String> {
         let means = figures.iter().flatten().map(|figure| figure.mean);
         let best = match self.better {
