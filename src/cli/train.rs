@@ -91,7 +91,7 @@ pub(crate) struct TrainArgs {
     test_views: Option<Vec<String>>,
 
     /// Another cloud than the scene's own: a file in the scene folder or elsewhere, `random`
-    /// points, or, of the built-in scene, `views:N` for one made from N views
+    /// points, or `views:N` for one of the first N views (of the built-in scene, or as `scene` makes them)
     #[arg(long, value_name = "FILE")]
     cloud: Option<CloudSource>,
 

@@ -14,7 +14,7 @@ use crate::files::{read_file, read_start};
 /// What a header's comment begins with that names a view: `comment view NUMBER NAME`.
 const COMMENT: &str = "comment view ";
 
-/// Where the points of a cloud came from.
+/// The views that the points of a cloud came from.
 pub(super) struct Origin {
     /// The number of each point's view, from 0.
     views: Vec<u32>,
@@ -77,7 +77,7 @@ impl Origin {
     }
 }
 
-/// Number of views that the points of the COLMAP scene `dir` came from, by their own word, of the
+/// Returns the number of views that the points of the COLMAP scene `dir` came from, by their own word, of the
 /// training views `train` alone where the file names its views; 0 where it does not say.
 ///
 /// # Errors

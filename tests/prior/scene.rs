@@ -229,6 +229,8 @@ fn fifty_photographs_keep_their_order_and_are_told_to_be_many() {
     let memory = log.find("50 views of 84x56 take about").expect("is said");
     let many = log.find("50 photographs are more than").expect("is said");
     assert!(memory < many, "{log}");
+    // What tiny weights make of noise is no scene.
+    assert!(log.contains("the photographs hardly agree"), "{log}");
     let images = fs::read_to_string(out.join("sparse/0/images.txt")).expect("is there");
     let names: Vec<&str> = images
         .lines()

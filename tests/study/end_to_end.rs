@@ -329,6 +329,9 @@ fn a_run_that_fails_keeps_no_other_from_being_done() {
         1,
         &["2 of 12 runs failed", "points3D_bad", "the same command"],
     );
+    // Three points for six small photographs: told what makes more of them.
+    let told = format!("the cloud is sparse, 3 points; `gspotential scene --cameras {dir} ");
+    assert!(log.contains(&told), "{log}");
     assert_eq!(log.matches(" failed: ").count(), 2, "{log}");
     let out = folder.path().join("studies");
     assert!(!out.join("cloud.md").exists());
@@ -392,6 +395,7 @@ fn a_scene_of_photographs_has_clouds_of_fewer_views_once_it_has_test_views() {
     fs::write(dir.join("split.json"), split.to_string()).unwrap();
     let (report, log) = succeeds(folder.path(), args);
     assert!(log.contains("come from the depth of test views"), "{log}");
+    assert!(!log.contains("the cloud is sparse"), "{log}");
     let data = json(&folder.path().join("studies/cloud.json"));
     let rows = data["tables"][0]["rows"].as_array().expect("rows");
     let clouds: Vec<&str> = rows
