@@ -21,6 +21,7 @@ use gspotential::eval::{EvalOptions, fit_poses, render_views, score};
 use gspotential::gpu::Gpu;
 use gspotential::pipeline::{focus_of, prepare};
 use gspotential::render::Kernels;
+use gspotential::report::{Cell, Column, Table};
 use gspotential::run::Seconds;
 use gspotential::scene::builtin::trace;
 use gspotential::scene::{LoadOptions, Scene, View};
@@ -29,6 +30,19 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use kit::SceneArgs;
+
+const COLUMNS: [Column; 10] = [
+    Column::text("seed", "seed"),
+    Column::text("cameras", "cameras"),
+    Column::text("adjusted", "adjusted"),
+    Column::text("residual", "residual"),
+    Column::text("kept", "kept"),
+    Column::number("apart_px", "apart, px", 3),
+    Column::number("turned_deg", "turned by, degrees", 3),
+    Column::text("refined", "refined"),
+    Column::number("psnr", "PSNR dB", 2),
+    Column::number("ssim", "SSIM", 3),
+];
 
 #[derive(Parser)]
 struct Args {
@@ -71,10 +85,7 @@ fn main() -> Result<()> {
     scene.test = scene.test.into_iter().step_by(step).collect();
     let (_, frame) = focus_of(&scene)?;
     let exact = maps(&scene, scene.name == "builtin");
-    println!(
-        "| seed | cameras | adjusted | residual | kept | apart, px | turned by, degrees | refined | PSNR | SSIM |"
-    );
-    println!("|---:|---|---|---|---|---:|---:|---|---:|---:|");
+    let mut table = Table::new("photographs", &COLUMNS);
     for seed in &args.seeds {
         config.seed = *seed;
         let off = put_off(&exact, &frame, &args, *seed);
@@ -95,24 +106,27 @@ fn main() -> Result<()> {
                     }
                     let measured = match args.train && !is_told {
                         true => trained(&scene, &way.maps, &config)?,
-                        false => "- | -".to_owned(),
+                        false => [Cell::Empty, Cell::Empty],
                     };
                     let turned = maps.iter().zip(&way.maps);
                     let turned = turned.map(|(a, b)| a.camera.difference(&b.camera).0);
-                    println!(
-                        "| {seed} | {name} | {} | {:.4} to {:.4} | {} | {:.3} | {:.3} | {} | {measured} |",
-                        yes(is_adjusted),
-                        adjusted.residual[0],
-                        adjusted.residual[1],
-                        if is_adjusted { yes(way.kept) } else { "-" },
-                        apart(&way.maps, &exact),
-                        turned.fold(0.0, f64::max).to_degrees(),
-                        yes(refine),
-                    );
+                    let row: [Cell; 8] = [
+                        seed.to_string().into(),
+                        name.into(),
+                        yes(is_adjusted).into(),
+                        format!("{:.4} to {:.4}", adjusted.residual[0], adjusted.residual[1])
+                            .into(),
+                        if is_adjusted { yes(way.kept) } else { "" }.into(),
+                        apart(&way.maps, &exact).into(),
+                        turned.fold(0.0, f64::max).to_degrees().into(),
+                        yes(refine).into(),
+                    ];
+                    table.row(row.into_iter().chain(measured));
                 }
             }
         }
     }
+    print!("{table}");
     Ok(())
 }
 
@@ -196,8 +210,8 @@ fn apart(maps: &[DepthMap], exact: &[DepthMap]) -> f64 {
     }
 }
 
-/// Trains from the maps and returns cells of the table.
-fn trained(scene: &Scene, maps: &[DepthMap], config: &Config) -> Result<String> {
+/// Trains from the maps and returns PSNR and SSIM.
+fn trained(scene: &Scene, maps: &[DepthMap], config: &Config) -> Result<[Cell; 2]> {
     let centers =
         |cameras: &mut dyn Iterator<Item = &Camera>| cameras.map(Camera::center).collect();
     let true_centers: Vec<_> = centers(&mut scene.train.iter().map(|v| &v.camera));
@@ -239,5 +253,5 @@ fn trained(scene: &Scene, maps: &[DepthMap], config: &Config) -> Result<String> 
         },
     )?;
     let n = test.len() as f64;
-    Ok(format!("{:.2} | {:.3}", psnr / n, ssim / n))
+    Ok([(psnr / n).into(), (ssim / n).into()])
 }

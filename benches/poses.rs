@@ -17,6 +17,7 @@ use gspotential::field::Focus;
 use gspotential::gpu::Gpu;
 use gspotential::pipeline::prepare;
 use gspotential::render::Kernels;
+use gspotential::report::{Cell, Column, Table};
 use gspotential::run::Seconds;
 use gspotential::scene::{LoadOptions, Scene};
 use gspotential::train::train;
@@ -24,6 +25,16 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use kit::SceneArgs;
+
+const COLUMNS: [Column; 7] = [
+    Column::text("poses", "poses"),
+    Column::text("refined", "refined"),
+    Column::number("turn_deg", "turn, degrees", 2),
+    Column::number("shift", "shift, % of R", 2),
+    Column::number("pixels", "pixels", 2),
+    Column::number("psnr", "PSNR dB", 2),
+    Column::number("ssim", "SSIM", 3),
+];
 
 #[derive(Parser)]
 struct Args {
@@ -49,8 +60,7 @@ fn main() -> Result<()> {
     let truth: Vec<Camera> = scene.train.iter().map(|v| v.camera.clone()).collect();
     let frame = Focus::find(&truth, &scene.cloud)?.frame();
     let off = put_off(&scene, &frame, &args, config.seed);
-    println!("| poses | refined | turn, degrees | shift, % of R | pixels | PSNR | SSIM |");
-    println!("|---|---|---:|---:|---:|---:|---:|");
+    let mut table = Table::new("poses", &COLUMNS);
     let all = [
         ("true", &scene, false),
         ("off", &off, false),
@@ -59,12 +69,11 @@ fn main() -> Result<()> {
     ];
     for (poses, scene, refine) in all {
         config.poses.refine = refine;
-        let row = trained(scene, &config, (&truth, &frame))?;
-        println!(
-            "| {poses} | {} | {row} |",
-            if refine { "yes" } else { "no" }
-        );
+        let figures = trained(scene, &config, (&truth, &frame))?;
+        let head: [Cell; 2] = [poses.into(), if refine { "yes" } else { "no" }.into()];
+        table.row(head.into_iter().chain(figures));
     }
+    print!("{table}");
     Ok(())
 }
 
@@ -80,7 +89,11 @@ fn put_off(scene: &Scene, frame: &Frame, args: &Args, seed: u64) -> Scene {
 }
 
 /// Trains and returns cells of the table.
-fn trained(scene: &Scene, config: &Config, (truth, frame): (&[Camera], &Frame)) -> Result<String> {
+fn trained(
+    scene: &Scene,
+    config: &Config,
+    (truth, frame): (&[Camera], &Frame),
+) -> Result<[Cell; 5]> {
     let prepared = prepare(scene, config, &mut Seconds::default())?;
     let gpu = Gpu::open()?;
     let kernels = Kernels::new(&gpu);
@@ -107,12 +120,12 @@ fn trained(scene: &Scene, config: &Config, (truth, frame): (&[Camera], &Frame)) 
         },
     )?;
     let n = scene.test.len() as f64;
-    Ok(format!(
-        "{:.2} | {:.2} | {:.2} | {:.2} | {:.3}",
+    let figures = [
         errors.turn_deg,
         100.0 * errors.shift,
         errors.pixels,
         psnr / n,
-        ssim / n
-    ))
+        ssim / n,
+    ];
+    Ok(figures.map(Cell::from))
 }

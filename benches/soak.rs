@@ -18,9 +18,9 @@ use gspotential::error::{Error, Result};
 use gspotential::eval::EvalOptions;
 use gspotential::gpu::Gpu;
 use gspotential::pipeline::{SoFar, TrainJob, train};
+use gspotential::report::{Cell, Column, Table};
 use gspotential::run::{RunDir, Stop};
 use gspotential::scene::SceneSource;
-use gspotential::terminal::Table;
 
 use kit::Settings;
 
@@ -137,7 +137,12 @@ fn report(samples: &[Sample]) -> Result<()> {
     let Some(end) = samples.last().map(|sample| sample.at_s) else {
         return Err(Error::new("this system does not tell a process's memory"));
     };
-    let mut table = Table::new(&["until s", "host MiB", "GPU buffers MiB"]);
+    let columns = [
+        Column::number("until_s", "until s", 0),
+        Column::number("host_mib", "host MiB", 1),
+        Column::number("gpu_mib", "GPU buffers MiB", 1),
+    ];
+    let mut table = Table::new("soak", &columns);
     let mut means = Vec::new();
     for part in 0..N_PARTS {
         let (from, to) = [part, part + 1]
@@ -151,8 +156,7 @@ fn report(samples: &[Sample]) -> Result<()> {
             of_part.iter().map(|sample| of(sample)).sum::<f64>() / of_part.len() as f64
         };
         let (host, gpu) = (mean(|sample| sample.host), mean(|sample| sample.gpu));
-        let mebibytes = |bytes: f64| format!("{:.1}", bytes / 1048576.0);
-        table.row(&[format!("{to:.0}"), mebibytes(host), mebibytes(gpu)]);
+        table.row([to, host / 1048576.0, gpu / 1048576.0].map(Cell::from));
         means.push((host, gpu));
     }
     print!("{table}");

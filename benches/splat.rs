@@ -22,6 +22,7 @@ use gspotential::config::{Config, Footprint, SplatConfig};
 use gspotential::error::Result;
 use gspotential::eval::score_splats;
 use gspotential::field::{Field, Focus};
+use gspotential::report::{Column, Table};
 use gspotential::scene::{CloudSource, LoadOptions, Scene};
 use gspotential::views::virtual_views;
 
@@ -29,6 +30,18 @@ use kit::SceneArgs;
 
 /// How far behind the surface a point is hidden, as a share of its depth.
 const BEHIND: f64 = 0.05;
+
+const COLUMNS: [Column; 9] = [
+    Column::text("px", "px"),
+    Column::text("footprint", "footprint"),
+    Column::number("coverage", "% covered", 1),
+    Column::number("hidden", "% hidden, mean", 2),
+    Column::number("hidden_worst", "% hidden, worst view", 1),
+    Column::number("psnr", "test views, dB", 2),
+    Column::number("covered_psnr", "where covered, dB", 2),
+    Column::number("test_coverage", "% covered", 1),
+    Column::number("time", "time ratio", 2),
+];
 
 #[derive(Parser)]
 struct Args {
@@ -63,27 +76,25 @@ fn main() -> Result<()> {
             ..config.splat.clone()
         }));
     }
-    println!(
-        "| px | footprint | coverage | hidden, mean | hidden, worst view | test views: all | covered | coverage | time |"
-    );
-    println!("|---:|---|---:|---:|---:|---:|---:|---:|---:|");
+    let mut table = Table::new("splat", &COLUMNS);
     for size in &args.max_size {
         let options = LoadOptions {
             cloud: args.cloud.clone().map(CloudSource::File),
             ..LoadOptions::new(&config)
         };
         let scene = args.on.load(*size, options)?;
-        compare(&scene, *size, &config, &splats, args.rounds)?;
+        compare(&scene, &config, &splats, args.rounds, &mut table)?;
     }
+    print!("{table}");
     Ok(())
 }
 
 fn compare(
     scene: &Scene,
-    size: u32,
     config: &Config,
     splats: &[SplatConfig],
     rounds: usize,
+    table: &mut Table,
 ) -> Result<()> {
     let cameras = |views: &[gspotential::scene::View]| -> Vec<Camera> {
         views.iter().map(|view| view.camera.clone()).collect()
@@ -124,16 +135,18 @@ fn compare(
                 splat.max_radius_px, splat.depth_tolerance
             ),
         };
-        println!(
-            "| {size} | {name} | {:.1} % | {:.2} % | {:.1} % | {:.2} dB | {:.2} dB | {:.1} % | {:.2} |",
-            mean(0),
-            mean(1),
-            100.0 * worst,
-            score.psnr.unwrap_or(f64::NAN),
-            score.psnr_covered.unwrap_or(f64::NAN),
-            100.0 * score.coverage,
-            taken / seconds[0],
-        );
+        let (width, height) = (train[0].width, train[0].height);
+        table.row([
+            format!("{width}x{height}").into(),
+            name.into(),
+            mean(0).into(),
+            mean(1).into(),
+            (100.0 * worst).into(),
+            score.psnr.into(),
+            score.psnr_covered.into(),
+            (100.0 * score.coverage).into(),
+            (taken / seconds[0]).into(),
+        ]);
     }
     Ok(())
 }

@@ -14,6 +14,7 @@ use gspotential::camera::Camera;
 use gspotential::cloud::visibility::{Support, Visibility, candidate_shares};
 use gspotential::error::Result;
 use gspotential::field::{Field, Focus};
+use gspotential::report::{Column, Table};
 use gspotential::scene::LoadOptions;
 use gspotential::views::{VirtualView, candidates, virtual_views};
 
@@ -21,6 +22,16 @@ use kit::SceneArgs;
 
 /// Every so many candidates are measured in full.
 const STRIDE: usize = 16;
+
+const COLUMNS: [Column; 7] = [
+    Column::text("strategy", "strategy"),
+    Column::number("views", "views", 0),
+    Column::number("below_horizon", "% below horizon", 0),
+    Column::number("far", "% beyond 60 degrees", 0),
+    Column::number("coverage", "% covered", 0),
+    Column::number("visible", "% visible", 0),
+    Column::number("s", "s", 3),
+];
 
 #[derive(Parser)]
 struct Args {
@@ -75,8 +86,7 @@ fn main() -> Result<()> {
         errors.iter().fold(0.0, |most: f64, e| most.max(e.abs()))
     );
 
-    println!("| strategy | views | below horizon | > 60 degrees | coverage | visible share | s |");
-    println!("|---|---:|---:|---:|---:|---:|---:|");
+    let mut table = Table::new("views", &COLUMNS);
     let up = train.iter().map(Camera::up).sum();
     for (name, weighed) in [
         ("potential", false),
@@ -98,15 +108,16 @@ fn main() -> Result<()> {
         let share = |f: &dyn Fn(usize) -> f64| {
             100.0 * (0..views.len()).map(f).sum::<f64>() / views.len() as f64
         };
-        println!(
-            "| {name}{} | {} | {:.0} % | {:.0} % | {:.0} % | {:.0} % | {seconds:.3} |",
-            if weighed { " + visibility" } else { "" },
-            views.len(),
-            share(&|k| f64::from(views[k].direction.dot(up) < 0.0)),
-            share(&|k| f64::from(views[k].u_conf.to_degrees() > 60.0)),
-            share(&|k| supports[k].coverage),
-            share(&|k| supports[k].visible_share),
-        );
+        table.row([
+            format!("{name}{}", if weighed { " + visibility" } else { "" }).into(),
+            views.len().into(),
+            share(&|k| f64::from(views[k].direction.dot(up) < 0.0)).into(),
+            share(&|k| f64::from(views[k].u_conf.to_degrees() > 60.0)).into(),
+            share(&|k| supports[k].coverage).into(),
+            share(&|k| supports[k].visible_share).into(),
+            seconds.into(),
+        ]);
     }
+    print!("{table}");
     Ok(())
 }

@@ -5,10 +5,11 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use gspotential::metrics::ViewScore;
-use gspotential::report::{ContactSheet, evaluation_table, mask_image, write_exr, write_png};
+use gspotential::report::{
+    Column, ContactSheet, Table, evaluation_table, mask_image, write_exr, write_png,
+};
 use gspotential::run::Evaluation;
 use gspotential::scene::Image;
-use gspotential::terminal::Table;
 use gspotential::terminal::logging::{Style, line};
 use gspotential::terminal::progress::Progress;
 
@@ -161,9 +162,13 @@ fn masks_are_as_bright_as_their_weight() {
 
 #[test]
 fn table_is_aligned_and_names_cannot_break_it() {
-    let mut table = Table::new(&["view", "PSNR dB"]);
-    table.row(&["a|b\nc".into(), "7.00".into()]);
-    table.row(&["d".into()]);
+    let columns = [
+        Column::text("view", "view"),
+        Column::number("psnr", "PSNR dB", 2),
+    ];
+    let mut table = Table::new("views", &columns);
+    table.row(["a|b\nc".into(), 7.0.into()]);
+    table.row(["d".into()]);
     assert_eq!(
         table.to_string(),
         "| view   | PSNR dB |\n\

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use gspotential::error::{Error, Result};
+use gspotential::error::Result;
 use gspotential::files::{create_dir, write_file};
 use gspotential::report::plot::{Axis, Plot, Point, Style};
-use gspotential::terminal::Table;
+use gspotential::report::{Column, Table};
 
 use super::clock;
 use super::fit::exponent;
@@ -61,7 +61,10 @@ const DRAWN: [(&str, &str, &[&str]); 4] = [
 /// A file that cannot be written.
 pub(crate) fn write(folder: &Path, adapter: &str, figures: &[Figure]) -> Result<()> {
     create_dir(folder)?;
-    write_file(&folder.join("growth.csv"), &csv(figures)?)?;
+    write_file(
+        &folder.join("growth.csv"),
+        records(figures).to_csv()?.as_bytes(),
+    )?;
     // A system that does not tell its load leaves the place empty.
     let load = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
     let load = load
@@ -113,24 +116,25 @@ fn table(figures: &[Figure], sweep: &str) -> Table {
     let (least, most) = sizes.fold((f64::INFINITY, 0.0), |(least, most): (f64, f64), size| {
         (least.min(size), most.max(size))
     });
-    let mut table = Table::new(&[
-        "",
-        &format!("at {least}"),
-        &format!("at {most}"),
-        &format!("ratio, of {:.1}", most / least),
-        "exponent",
-    ]);
+    let columns = [
+        Column::text("what", ""),
+        Column::quantity("least", "").headed(format!("at {least}")),
+        Column::quantity("most", "").headed(format!("at {most}")),
+        Column::number("ratio", "", 2).headed(format!("ratio, of {:.1}", most / least)),
+        Column::number("exponent", "exponent", 2),
+    ];
+    let mut table = Table::new(sweep, &columns);
     for (what, unit) in whats(figures, sweep) {
         let points = series(figures, sweep, what);
         let (Some(first), Some(last)) = (points.first(), points.last()) else {
             continue;
         };
-        table.row(&[
-            what.to_owned(),
-            shown(first.1, unit),
-            shown(last.1, unit),
-            format!("{:.2}", last.1 / first.1),
-            format!("{:.2}", exponent(&points)),
+        table.row([
+            what.into(),
+            shown(first.1, unit).into(),
+            shown(last.1, unit).into(),
+            (last.1 / first.1).into(),
+            exponent(&points).into(),
         ]);
     }
     table
@@ -164,15 +168,23 @@ fn plot(figures: &[Figure], sweep: &str, whats: &[&str]) -> Plot {
     )
 }
 
-fn csv(figures: &[Figure]) -> Result<Vec<u8>> {
-    let failed = |e: &dyn std::fmt::Display| Error::new(e.to_string());
-    let mut csv = csv::Writer::from_writer(Vec::new());
-    csv.write_record(["against", "size", "what", "unit", "value"])
-        .map_err(|e| failed(&e))?;
+fn records(figures: &[Figure]) -> Table {
+    let columns = [
+        Column::text("against", "against"),
+        Column::number("size", "size", 0),
+        Column::text("what", "what"),
+        Column::text("unit", "unit"),
+        Column::number("value", "value", 3),
+    ];
+    let mut table = Table::new("growth", &columns);
     for f in figures {
-        let (size, value) = (f.size.to_string(), f.value.to_string());
-        csv.write_record([f.sweep, &size, &f.what, f.unit, &value])
-            .map_err(|e| failed(&e))?;
+        table.row([
+            f.sweep.into(),
+            f.size.into(),
+            (&f.what).into(),
+            f.unit.into(),
+            f.value.into(),
+        ]);
     }
-    csv.into_inner().map_err(|e| failed(&e))
+    table
 }

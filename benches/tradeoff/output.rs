@@ -6,7 +6,7 @@ use std::path::Path;
 use gspotential::error::Result;
 use gspotential::files::{create_dir, write_file};
 use gspotential::report::plot::{Axis, Plot, Point, Style};
-use gspotential::terminal::Table;
+use gspotential::report::{Column, Table};
 
 use super::Measured;
 use super::splat::{ALL, COVERED};
@@ -36,7 +36,10 @@ pub(crate) fn write(
 ) -> Result<()> {
     create_dir(folder)?;
     let all: Vec<&Measured> = grid.iter().chain(splat).collect();
-    write_file(&folder.join("tradeoff.csv"), csv(&all).as_bytes())?;
+    write_file(
+        &folder.join("tradeoff.csv"),
+        records(&all).to_csv()?.as_bytes(),
+    )?;
     let markdown = markdown(headline, &all);
     write_file(&folder.join("tradeoff.md"), markdown.as_bytes())?;
     println!("{markdown}");
@@ -60,17 +63,29 @@ fn kept_seconds(all: &[&Measured], choice: &str) -> f64 {
     kept.map_or(f64::NAN, |m| m.seconds)
 }
 
-fn csv(all: &[&Measured]) -> String {
-    let mut out = String::from("choice,setting,kept,seconds,time_ratio,error,note\n");
+fn records(all: &[&Measured]) -> Table {
+    let columns = [
+        Column::text("choice", "choice"),
+        Column::text("setting", "setting"),
+        Column::text("kept", "kept"),
+        Column::number("seconds", "s", 4),
+        Column::number("time_ratio", "time ratio", 3),
+        Column::number("error", "error", 4),
+        Column::text("note", "also"),
+    ];
+    let mut table = Table::new("tradeoff", &columns);
     for m in all {
-        let ratio = m.seconds / kept_seconds(all, m.choice);
-        let _ = writeln!(
-            out,
-            "{},{},{},{:e},{ratio:.4},{:e},{}",
-            m.choice, m.setting, m.kept, m.seconds, m.error, m.note
-        );
+        table.row([
+            m.choice.into(),
+            (&m.setting).into(),
+            m.kept.to_string().into(),
+            m.seconds.into(),
+            (m.seconds / kept_seconds(all, m.choice)).into(),
+            m.error.into(),
+            (&m.note).into(),
+        ]);
     }
-    out
+    table
 }
 
 /// What the figures are.
@@ -84,20 +99,26 @@ fn markdown(headline: &str, all: &[&Measured]) -> String {
     let mut out = format!("# Speed against error\n\n{headline}.\n\n{EXPLANATION}");
     for (choice, reason) in REASONS {
         let _ = write!(out, "\n### {choice}\n\n");
-        let header = ["setting", "ms", "time ratio", "error", "also"];
-        let mut table = Table::new(&header);
+        let columns = [
+            Column::text("setting", "setting"),
+            Column::number("ms", "ms", 2),
+            Column::number("time_ratio", "time ratio", 3),
+            Column::quantity("error", "error"),
+            Column::quantity("note", "also"),
+        ];
+        let mut table = Table::new(choice, &columns);
         for m in all.iter().filter(|m| m.choice == choice) {
             let name = if m.kept {
                 format!("**{}**", m.setting)
             } else {
                 m.setting.clone()
             };
-            table.row(&[
-                name,
-                format!("{:.2}", 1e3 * m.seconds),
-                format!("{:.3}", m.seconds / kept_seconds(all, choice)),
-                format!("{:.1e}", m.error),
-                m.note.clone(),
+            table.row([
+                name.into(),
+                (1e3 * m.seconds).into(),
+                (m.seconds / kept_seconds(all, choice)).into(),
+                format!("{:.1e}", m.error).into(),
+                (&m.note).into(),
             ]);
         }
         let _ = write!(out, "{table}\nKept: {reason}.\n");

@@ -1,14 +1,14 @@
 //! This module writes what `train --dry-run` prints.
 
 use crate::pipeline::DryRun;
-use crate::report::agreement_table;
-use crate::terminal::Table;
+use crate::report::{Column, Table, agreement_table};
 use crate::terminal::progress::short_time;
 
 /// Returns as a table what a run would take.
 pub(crate) fn text(dry: &DryRun) -> String {
-    let mut table = Table::with_text(2, &["", "value"]);
-    let mut row = |what: &str, value: String| table.row(&[what.to_owned(), value]);
+    let columns = [Column::text("what", ""), Column::text("value", "value")];
+    let mut table = Table::new("dry-run", &columns);
+    let mut row = |what: &str, value: String| table.row([what.into(), value.into()]);
     let mebibytes = |bytes: u64| format!("{} MiB", bytes >> 20);
     let [width, height] = dry.image_size;
     row("scene", dry.scene.clone());

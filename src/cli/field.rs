@@ -8,9 +8,8 @@ use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
 use crate::files::{create_dir, write_file};
 use crate::pipeline::{self, FieldReport};
-use crate::report::agreement_table;
+use crate::report::{Cell, Column, Table, agreement_table};
 use crate::scene::{LoadOptions, SceneSource};
-use crate::terminal::Table;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -87,23 +86,23 @@ impl FieldArgs {
 
 /// Returns the lines that a person needs of a field.
 fn text(report: &FieldReport) -> String {
-    let mut table = Table::new(&[
-        "view",
-        "azimuth",
-        "elevation",
-        "U_info",
-        "nearest other",
-        "angle",
-    ]);
+    let columns = [
+        Column::text("view", "view"),
+        Column::number("azimuth_deg", "azimuth", 0),
+        Column::number("elevation_deg", "elevation", 0),
+        Column::number("u_info", "U_info", 2),
+        Column::quantity("nearest", "nearest other"),
+        Column::number("angle_deg", "angle", 0),
+    ];
+    let mut table = Table::new("training-views", &columns);
     for view in &report.training {
-        table.row(&[
-            view.name.clone(),
-            format!("{:.0}", view.azimuth),
-            format!("{:.0}", view.elevation),
-            format!("{:.2}", view.u_info),
-            view.nearest.clone().unwrap_or_default(),
-            view.nearest_angle
-                .map_or_else(String::new, |a| format!("{a:.0}")),
+        table.row([
+            (&view.name).into(),
+            view.azimuth.into(),
+            view.elevation.into(),
+            view.u_info.into(),
+            view.nearest.as_ref().map_or(Cell::Empty, Cell::from),
+            view.nearest_angle.map_or(Cell::Empty, Cell::from),
         ]);
     }
     let gaps = &report.uncovered;

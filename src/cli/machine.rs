@@ -4,7 +4,7 @@ use clap::Args;
 
 use crate::error::{Error, Result};
 use crate::gpu;
-use crate::terminal::Table;
+use crate::report::{Column, Table};
 use crate::terminal::logging::{self, Style};
 
 #[derive(Debug, Args)]
@@ -54,24 +54,22 @@ pub(crate) struct AdaptersArgs {}
 
 impl AdaptersArgs {
     pub(crate) fn run(self) -> Result<()> {
-        let mut table = Table::with_text(
-            4,
-            &[
-                "adapter",
-                "driver",
-                "backend",
-                "kind",
-                "largest binding MiB",
-            ],
-        );
+        let columns = [
+            Column::text("adapter", "adapter"),
+            Column::text("driver", "driver"),
+            Column::text("backend", "backend"),
+            Column::text("kind", "kind"),
+            Column::number("largest_binding_mib", "largest binding MiB", 0),
+        ];
+        let mut table = Table::new("adapters", &columns);
         for adapter in gpu::adapters()? {
             let (info, limits) = (adapter.get_info(), adapter.limits());
-            table.row(&[
-                info.name,
-                info.driver_info,
-                info.backend.to_string(),
-                format!("{:?}", info.device_type),
-                (limits.max_storage_buffer_binding_size >> 20).to_string(),
+            table.row([
+                info.name.into(),
+                info.driver_info.into(),
+                info.backend.to_string().into(),
+                format!("{:?}", info.device_type).into(),
+                (limits.max_storage_buffer_binding_size >> 20).into(),
             ]);
         }
         super::print(&table.to_string())

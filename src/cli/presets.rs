@@ -4,7 +4,7 @@ use clap::Args;
 
 use crate::config::{Key, PRESETS, keys, reference, summary};
 use crate::error::Result;
-use crate::terminal::Table;
+use crate::report::{Cell, Column, Table};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -25,9 +25,13 @@ impl PresetsArgs {
         let shown = if self.keys {
             reference()?
         } else {
-            let mut presets = Table::with_text(2, &["preset", "what"]);
+            let columns = [
+                Column::text("preset", "preset"),
+                Column::text("what", "what"),
+            ];
+            let mut presets = Table::new("presets", &columns);
             for (name, _) in PRESETS {
-                presets.row(&[(*name).to_owned(), summary(name).to_owned()]);
+                presets.row([(*name).into(), summary(name).into()]);
             }
             format!("{presets}\n{}", difference_table(&keys()?))
         };
@@ -38,13 +42,14 @@ impl PresetsArgs {
 /// Returns a table with a row for every key whose value the presets do not share and a column for
 /// every preset.
 fn difference_table(keys: &[Key]) -> Table {
-    let names = PRESETS.iter().map(|(name, _)| *name);
-    let header: Vec<&str> = std::iter::once("key").chain(names).collect();
-    let mut table = Table::new(&header);
+    let presets = PRESETS.iter().map(|(name, _)| Column::quantity(name, name));
+    let columns: Vec<Column> = std::iter::once(Column::text("key", "key"))
+        .chain(presets)
+        .collect();
+    let mut table = Table::new("differences", &columns);
     for key in keys.iter().filter(|key| key.differs()) {
-        let values = key.values.iter().map(ToString::to_string);
-        let row: Vec<String> = std::iter::once(key.key.clone()).chain(values).collect();
-        table.row(&row);
+        let values = key.values.iter().map(|value| value.to_string().into());
+        table.row(std::iter::once(Cell::from(&key.key)).chain(values));
     }
     table
 }

@@ -6,9 +6,9 @@ use clap::Args;
 
 use super::measure::MeasureArgs;
 use crate::error::Result;
+use crate::report::{Column, Table};
 use crate::scene::SceneSource;
 use crate::study::{self, Options, State, StudyName};
-use crate::terminal::Table;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -96,14 +96,18 @@ impl StudyArgs {
 }
 
 fn listed(runs: Vec<(String, State)>) -> String {
-    let mut table = Table::new(&["run", "state"]);
+    let columns = [
+        Column::text("run", "run"),
+        Column::quantity("state", "state"),
+    ];
+    let mut table = Table::new("runs", &columns);
     for (name, state) in runs {
         let state = match state {
             State::ToTrain => "to train",
             State::ToMeasure => "to measure",
             State::Done => "done",
         };
-        table.row(&[name, state.to_owned()]);
+        table.row([name.into(), state.into()]);
     }
     table.to_string()
 }

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::{Adapter, Report, StageReport};
-use crate::terminal::Table;
+use crate::report::{Column, Table};
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -38,9 +38,14 @@ impl fmt::Display for Report {
 }
 
 fn adapter_table(adapter: &Adapter) -> Table {
-    let mut table = Table::new(&["adapter", &adapter.name, "needed"]);
+    let columns = [
+        Column::text("what", "adapter"),
+        Column::quantity("value", "").headed(adapter.name.clone()),
+        Column::quantity("needed", "needed"),
+    ];
+    let mut table = Table::new("adapter", &columns);
     let mut row = |name: &str, value: String, needed: &str| {
-        table.row(&[name.to_owned(), value, needed.to_owned()]);
+        table.row([name.into(), value.into(), needed.into()]);
     };
     row("driver", adapter.driver.clone(), "");
     row(
@@ -77,17 +82,17 @@ fn adapter_table(adapter: &Adapter) -> Table {
 }
 
 fn stage_table(stages: &[StageReport]) -> Table {
-    let header = [
-        "stage",
-        "size",
-        "time",
-        "throughput",
-        "error",
-        "bound",
-        "worst at",
-        "verdict",
+    let columns = [
+        Column::text("stage", "stage"),
+        Column::quantity("size", "size"),
+        Column::quantity("time", "time"),
+        Column::quantity("throughput", "throughput"),
+        Column::quantity("error", "error"),
+        Column::quantity("bound", "bound"),
+        Column::quantity("worst", "worst at"),
+        Column::quantity("verdict", "verdict"),
     ];
-    let mut table = Table::new(&header);
+    let mut table = Table::new("stages", &columns);
     for stage in stages {
         let (error, bound, at) = match &stage.worst {
             Some(worst) if worst.error == 0.0 => ("0".into(), number(worst.bound), String::new()),
@@ -100,15 +105,15 @@ fn stage_table(stages: &[StageReport]) -> Table {
         };
         let mark = if stage.by_timestamps { "" } else { "*" };
         let rate = stage.count as f64 / stage.seconds;
-        table.row(&[
-            stage.stage.to_owned(),
-            format!("{} {}", grouped(stage.count as u64), stage.unit),
-            format!("{:.2} ms{mark}", 1e3 * stage.seconds),
-            format!("{} M/s", significant(1e-6 * rate)),
-            error,
-            bound,
-            at,
-            if stage.holds { "ok" } else { "**FAILED**" }.to_owned(),
+        table.row([
+            stage.stage.into(),
+            format!("{} {}", grouped(stage.count as u64), stage.unit).into(),
+            format!("{:.2} ms{mark}", 1e3 * stage.seconds).into(),
+            format!("{} M/s", significant(1e-6 * rate)).into(),
+            error.into(),
+            bound.into(),
+            at.into(),
+            if stage.holds { "ok" } else { "**FAILED**" }.into(),
         ]);
     }
     table

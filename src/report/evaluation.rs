@@ -1,46 +1,58 @@
 //! This module writes one run's errors, view by view.
 
+use super::table::{Cell, Column, Table, escaped, figure};
 use crate::metrics::lpips::WEIGHTS_RECIPE;
 use crate::metrics::{CoveredScore, Renders};
 use crate::run::{Evaluation, Measured};
-use crate::terminal::table::{Table, escaped, figure};
 
 /// Returns a run's errors for each test view and, in the last row, their mean.
 pub fn view_table(evaluation: &Evaluation) -> Table {
     let measured = evaluation.measured.as_ref();
     let lpips = measured.and_then(|measured| measured.lpips.as_ref());
     let lpips = lpips.map_or_else(|| "LPIPS".to_owned(), ToString::to_string);
-    let mut header = vec!["view", "PSNR dB", "SSIM", &lpips];
+    let mut columns = vec![
+        Column::text("view", "view"),
+        Column::number("psnr", "PSNR dB", 2),
+        Column::number("ssim", "SSIM", 4),
+        Column::number("lpips", "LPIPS", 4).headed(lpips),
+    ];
     if evaluation.mean_masked.is_some() {
-        header.extend(["masked PSNR dB", "masked SSIM", "masked LPIPS"]);
+        columns.extend([
+            Column::number("masked_psnr", "masked PSNR dB", 2),
+            Column::number("masked_ssim", "masked SSIM", 4),
+            Column::number("masked_lpips", "masked LPIPS", 4),
+        ]);
     }
     if evaluation.mean_covered.is_some() {
-        header.extend(["covered PSNR dB", "covered %"]);
+        columns.extend([
+            Column::number("covered_psnr", "covered PSNR dB", 2),
+            Column::number("covered_percent", "covered %", 1),
+        ]);
     }
-    let mut table = Table::new(&header);
+    let mut table = Table::new("views", &columns);
     for view in &evaluation.views {
         let masked = view.masked.as_ref();
-        let mut row = vec![view.name.clone()];
-        row.extend(figures(view.psnr, view.ssim, view.lpips));
+        let mut row: Vec<Cell> = vec![(&view.name).into()];
+        row.extend([view.psnr, view.ssim, view.lpips].map(Cell::from));
         if evaluation.mean_masked.is_some() {
-            row.extend(figures(
-                masked.and_then(|m| m.psnr),
-                masked.and_then(|m| m.ssim),
-                masked.and_then(|m| m.lpips),
-            ));
+            row.extend([
+                masked.and_then(|m| m.psnr).into(),
+                masked.and_then(|m| m.ssim).into(),
+                masked.and_then(|m| m.lpips).into(),
+            ]);
         }
-        row.extend(view.covered.iter().flat_map(covered_figures));
-        table.row(&row);
+        row.extend(view.covered.iter().flat_map(covered_cells));
+        table.row(row);
     }
     let mean = &evaluation.mean;
-    let mut row = vec![format!("**mean of {}**", evaluation.views.len())];
-    row.extend(figures(mean.psnr, mean.ssim, mean.lpips));
+    let mut row: Vec<Cell> = vec![format!("**mean of {}**", evaluation.views.len()).into()];
+    row.extend([mean.psnr, mean.ssim, mean.lpips].map(Cell::from));
     if let Some(masked) = &evaluation.mean_masked {
         let mean = masked.mean;
-        row.extend(figures(mean.psnr, mean.ssim, mean.lpips));
+        row.extend([mean.psnr, mean.ssim, mean.lpips].map(Cell::from));
     }
-    row.extend(evaluation.mean_covered.iter().flat_map(covered_figures));
-    table.row(&row);
+    row.extend(evaluation.mean_covered.iter().flat_map(covered_cells));
+    table.row(row);
     table
 }
 
@@ -103,11 +115,6 @@ pub(super) fn lpips_hint() -> String {
     )
 }
 
-fn covered_figures(covered: &CoveredScore) -> [String; 2] {
-    let percent = format!("{:.1}", 100.0 * covered.coverage);
-    [figure(covered.psnr, 2), percent]
-}
-
-fn figures(psnr: Option<f64>, ssim: Option<f64>, lpips: Option<f64>) -> [String; 3] {
-    [figure(psnr, 2), figure(ssim, 4), figure(lpips, 4)]
+fn covered_cells(covered: &CoveredScore) -> [Cell; 2] {
+    [covered.psnr.into(), (100.0 * covered.coverage).into()]
 }

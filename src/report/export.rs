@@ -5,6 +5,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::comparison::ComparedRun;
+use super::table::records_csv;
 use crate::error::{Error, Result};
 use crate::metrics::lpips::{InputRange, Net};
 use crate::metrics::{Renders, ViewScore};
@@ -128,13 +129,7 @@ impl<'a> RunRecord<'a> {
 
 /// Writes a line a run, under a header.
 pub fn runs_csv(runs: &[ComparedRun]) -> Result<Vec<u8>> {
-    let failed = |e: String| Error::new(format!("cannot write as CSV: {e}"));
-    let mut out = csv::Writer::from_writer(Vec::new());
-    for run in runs {
-        out.serialize(RunRecord::new(run))
-            .map_err(|e| failed(e.to_string()))?;
-    }
-    out.into_inner().map_err(|e| failed(e.to_string()))
+    records_csv("runs", runs.iter().map(RunRecord::new)).map(String::into_bytes)
 }
 
 /// Writes `{"runs": [...]}`: the fields of the CSV, the names of the training views and the errors

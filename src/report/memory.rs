@@ -1,7 +1,9 @@
 //! This module writes what a run will need, by part.
 
-use crate::terminal::table::Table;
+use super::{Column, Table};
 use crate::train::TrainingBytes;
+
+const MEBIBYTES: Column = Column::number("mib", "MiB", 1);
 
 /// Returns the GPU buffers of training as a table.
 pub fn gpu_memory_table(bytes: &TrainingBytes) -> Table {
@@ -19,9 +21,14 @@ pub fn gpu_memory_table(bytes: &TrainingBytes) -> Table {
     let gaussians = format!("{n_gaussians} Gaussians");
     let pairs = format!("{n_pairs} pairs of a view");
     let pixels = "pixels of the largest view".to_owned();
-    let mut table = Table::with_text(2, &["GPU buffers", "for", "MiB"]);
+    let columns = [
+        Column::text("buffers", "GPU buffers"),
+        Column::text("for", "for"),
+        MEBIBYTES,
+    ];
+    let mut table = Table::new("gpu-memory", &columns);
     let mut row = |what: &str, of: &str, bytes: u64| {
-        table.row(&[what.to_owned(), of.to_owned(), mebibytes(bytes)]);
+        table.row([what.into(), of.into(), mebibytes(bytes).into()]);
     };
     row("Gaussians", &gaussians, model);
     row("Adam's moments", &gaussians, moments);
@@ -53,15 +60,21 @@ pub fn gpu_memory_table(bytes: &TrainingBytes) -> Table {
 
 /// Returns as a table what the process holds from beginning to end.
 pub fn host_memory_table(parts: &[(&str, u64)]) -> Table {
-    let mut table = Table::new(&["host memory", "MiB"]);
+    let mut table = Table::new(
+        "host-memory",
+        &[Column::text("part", "host memory"), MEBIBYTES],
+    );
     for (what, bytes) in parts {
-        table.row(&[(*what).to_owned(), mebibytes(*bytes)]);
+        table.row([(*what).into(), mebibytes(*bytes).into()]);
     }
     let all = parts.iter().map(|(_, bytes)| bytes).sum();
-    table.row(&["**all, from beginning to end**".to_owned(), mebibytes(all)]);
+    table.row([
+        "**all, from beginning to end**".into(),
+        mebibytes(all).into(),
+    ]);
     table
 }
 
-fn mebibytes(bytes: u64) -> String {
-    format!("{:.1}", bytes as f64 / f64::from(1 << 20))
+fn mebibytes(bytes: u64) -> f64 {
+    bytes as f64 / f64::from(1 << 20)
 }

@@ -13,6 +13,7 @@ pub mod plot;
 mod profile;
 mod sheet;
 pub mod stats;
+mod table;
 
 pub use agreement::agreement_table;
 pub use animation::write_animation;
@@ -24,6 +25,7 @@ pub use memory::{gpu_memory_table, host_memory_table};
 pub use page::{SceneRuns, write_comparison, write_run_page};
 pub use profile::{kernel_table, profile_tables};
 pub use sheet::{ContactSheet, mask_image};
+pub use table::{Cell, Column, Table};
 
 use std::io::Cursor;
 use std::path::Path;

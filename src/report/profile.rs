@@ -1,7 +1,7 @@
 //! This module writes tables of where a run's time went.
 
+use super::{Column, Table};
 use crate::run::{RunProfile, Seconds, StepProfile};
-use crate::terminal::table::{Table, figure};
 
 /// Returns both tables of a run's profile, in Markdown.
 pub fn profile_tables(profile: &RunProfile) -> String {
@@ -26,31 +26,35 @@ pub fn profile_tables(profile: &RunProfile) -> String {
 
 /// Returns an iteration's time by kernel as a table.
 pub fn kernel_table(step: &StepProfile) -> Table {
-    let mut table = Table::new(&["kernel", "ms a step", "share", "dispatches"]);
+    let columns = [
+        Column::text("kernel", "kernel"),
+        Column::number("step_ms", "ms a step", 3),
+        Column::quantity("share", "share"),
+        Column::number("dispatches", "dispatches", 1),
+    ];
+    let mut table = Table::new("kernels", &columns);
     let total = step.kernel_s();
-    let dispatches = |n: f64| format!("{n:.1}");
-    let ms = |seconds: f64| format!("{:.3}", 1e3 * seconds);
+    let ms = |seconds: f64| (1e3 * seconds).into();
     for kernel in &step.kernels {
-        table.row(&[
-            kernel.kernel.clone(),
+        table.row([
+            (&kernel.kernel).into(),
             ms(kernel.seconds),
-            format!("{:.1} %", 100.0 * kernel.seconds / total),
-            dispatches(kernel.dispatches),
+            format!("{:.1} %", 100.0 * kernel.seconds / total).into(),
+            kernel.dispatches.into(),
         ]);
     }
-    let n = step.kernels.iter().map(|kernel| kernel.dispatches).sum();
-    table.row(&[
-        "all kernels".to_owned(),
-        ms(total),
-        "100 %".to_owned(),
-        dispatches(n),
-    ]);
-    table.row(&["an iteration, wall clock".to_owned(), ms(step.wall_s)]);
+    let n: f64 = step.kernels.iter().map(|kernel| kernel.dispatches).sum();
+    table.row(["all kernels".into(), ms(total), "100 %".into(), n.into()]);
+    table.row(["an iteration, wall clock".into(), ms(step.wall_s)]);
     table
 }
 
 fn stage_table(seconds: &Seconds) -> Table {
-    let mut table = Table::new(&["stage", "seconds"]);
+    let columns = [
+        Column::text("stage", "stage"),
+        Column::number("seconds", "seconds", 3),
+    ];
+    let mut table = Table::new("stage-seconds", &columns);
     for (stage, s) in [
         ("adapter", seconds.open),
         ("loading", seconds.load),
@@ -75,7 +79,7 @@ fn stage_table(seconds: &Seconds) -> Table {
         ("report", seconds.report),
     ] {
         if s.is_some() {
-            table.row(&[stage.to_owned(), figure(s, 3)]);
+            table.row([stage.into(), s.into()]);
         }
     }
     table

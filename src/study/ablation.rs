@@ -4,10 +4,10 @@ use super::plan::{Base, Variant};
 use super::quality::{LPIPS, PSNR, SCENE, SSIM, TO_MODEL, gain, psnr_at, quality, scenes};
 use super::renders::Method;
 use super::runs::Results;
-use super::table::{Cell, Column, DataTable};
 use super::{Picture, Report, Study};
 use crate::error::Result;
 use crate::report::plot::{Axis, Plot, Style};
+use crate::report::{Cell, Column, Table};
 
 /// A row of Table 2: its preset, the parts that are on, and the row that it adds one to.
 struct Row {
@@ -48,7 +48,7 @@ const COLUMNS: [Column; 13] = [
     SSIM,
     LPIPS,
     TO_MODEL,
-    Column::text("gain", "PSNR gain dB"),
+    Column::quantity("gain", "PSNR gain dB"),
 ];
 
 pub(crate) struct Ablation;
@@ -71,7 +71,7 @@ impl Study for Ablation {
     }
 
     fn report(&self, results: &Results) -> Result<Report> {
-        let mut table = DataTable::new("ablation", &COLUMNS);
+        let mut table = Table::new("ablation", &COLUMNS);
         for scope in results.scopes() {
             for (i, row) in ROWS.iter().enumerate() {
                 let on = row.parts.map(|on| Cell::from(if on { "x" } else { "" }));

@@ -4,12 +4,12 @@
 use super::plan::{Base, Variant};
 use super::quality::{LPIPS, PSNR, SCENE, SSIM, TO_MODEL, gain, peak, psnr, quality};
 use super::runs::{Finished, Results, Scope};
-use super::table::{Cell, Column, DataTable};
 use super::{Picture, Report, Study};
 use crate::error::Result;
 use crate::pipeline::{TrainJob, n_start};
 use crate::report::plot::{Axis, Plot, Point, Style};
 use crate::report::stats::Figure;
+use crate::report::{Cell, Column, Table};
 use crate::scene::{CloudSource, Scene, SceneSource, n_cloud_views, other_clouds};
 
 const PRESETS: [&str; 2] = ["3dgs", "paper"];
@@ -127,7 +127,7 @@ impl Study for Cloud {
 }
 
 /// Makes Table 3: clouds against presets.
-fn quality_table(results: &Results) -> DataTable {
+fn quality_table(results: &Results) -> Table {
     let columns = [
         SCENE,
         Column::text("cloud", "cloud"),
@@ -136,9 +136,9 @@ fn quality_table(results: &Results) -> DataTable {
         SSIM,
         LPIPS,
         TO_MODEL,
-        Column::text("gain", "over 3dgs, dB"),
+        Column::quantity("gain", "over 3dgs, dB"),
     ];
-    let mut table = DataTable::new("cloud", &columns);
+    let mut table = Table::new("cloud", &columns);
     let mut suffixes: Vec<(String, String)> = Vec::new();
     for run in &results.runs {
         let Some(suffix) = run.variant.strip_prefix("paper") else {
@@ -179,7 +179,7 @@ fn quality_table(results: &Results) -> DataTable {
 }
 
 /// Makes the initialisation figure in numbers: where PSNR starts, peaks and ends.
-fn start_table(results: &Results) -> DataTable {
+fn start_table(results: &Results) -> Table {
     let columns = [
         SCENE,
         Column::text("start", "start"),
@@ -189,7 +189,7 @@ fn start_table(results: &Results) -> DataTable {
         Column::figure("peak_iteration", "after iterations", 0),
         Column::figure("psnr_end", "at the end, dB", 2),
     ];
-    let mut table = DataTable::new("cloud-start", &columns);
+    let mut table = Table::new("cloud-start", &columns);
     for scope in results.scopes() {
         for start in ["own", "random"] {
             for thinning in THINNING {

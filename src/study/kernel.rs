@@ -4,7 +4,6 @@
 use super::plan::{Base, Variant};
 use super::quality::{SCENE, TO_MODEL, to_model};
 use super::runs::Results;
-use super::table::{Column, DataTable};
 use super::viewpoints::{Survey, scatter};
 use super::{Picture, Report, Study, file_name};
 use crate::config::{FieldConfig, Kernel};
@@ -12,6 +11,7 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::report::plot::{Axis, Plot, Point, Style};
 use crate::report::stats::Figure;
+use crate::report::{Cell, Column, Table};
 
 /// The paper's three, by kernel and concentration.
 const KERNELS: [(&str, Kernel, f64); 3] = [
@@ -63,7 +63,7 @@ impl Study for KernelStudy {
             ],
             ..Report::default()
         };
-        let mut table = DataTable::new("kernel", &COLUMNS);
+        let mut table = Table::new("kernel", &COLUMNS);
         for scene in results.scenes() {
             let runs = results.of(scene, PRESET);
             let Some(first) = runs.first() else { continue };
@@ -115,8 +115,8 @@ impl Study for KernelStudy {
                 "angle to the nearest view".into(),
                 count.into(),
                 whole.into(),
-                None.into(),
-                None.into(),
+                Cell::Figure(None),
+                Cell::Figure(None),
                 seconds.into(),
             ]);
         }

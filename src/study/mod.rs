@@ -18,13 +18,11 @@ mod quality;
 mod renders;
 mod runs;
 mod sampling;
-mod table;
 mod viewpoints;
 mod views;
 
 pub use plan::Options;
 pub use runs::State;
-pub use table::{Cell, Column, DataTable};
 pub use views::spread_order;
 
 use plan::{Base, Variant, check_names};
@@ -33,6 +31,7 @@ use runs::{Planned, Results, carry_out};
 
 use crate::error::{Error, Result};
 use crate::pipeline;
+use crate::report::Table;
 use crate::run::RunDir;
 
 /// The studies that there are.
@@ -117,7 +116,7 @@ trait Study {
 /// The report of a study.
 #[derive(Default)]
 struct Report {
-    tables: Vec<DataTable>,
+    tables: Vec<Table>,
     pictures: Vec<Picture>,
     /// What a reader must know, beyond what every study says; a sentence each.
     notes: Vec<String>,

@@ -3,7 +3,6 @@
 use super::plan::{Base, Variant};
 use super::quality::{LPIPS, PSNR, SCENE, SSIM, TO_MODEL, gain, psnr_at, quality, scenes};
 use super::runs::{Finished, Results, Scope};
-use super::table::{Cell, Column, DataTable};
 use super::viewpoints::{Setting, measure};
 use super::{Picture, Report, Study};
 use crate::camera::json::read_cameras;
@@ -11,6 +10,7 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::pipeline::n_start;
 use crate::report::plot::{Axis, Plot, Style};
+use crate::report::{Cell, Column, Table};
 
 /// All of it: the default preset.
 const BASE: &str = "gspotential";
@@ -88,7 +88,7 @@ const COLUMNS: [Column; 12] = [
     SSIM,
     LPIPS,
     TO_MODEL,
-    Column::text("gain", "against all, dB"),
+    Column::quantity("gain", "against all, dB"),
     Column::figure("n_gaussians", "Gaussians", 0),
     Column::figure("train_s", "training s", 1),
     Column::figure("gpu_peak_mb", "GPU MB", 1),
@@ -156,7 +156,7 @@ impl Study for Need {
 
     fn report(&self, results: &Results) -> Result<Report> {
         let results = at_full_size(results)?;
-        let mut table = DataTable::new("need", &COLUMNS);
+        let mut table = Table::new("need", &COLUMNS);
         for scope in results.scopes() {
             table.row(row(&scope, BASE, ["all".into(), "".into()]));
             for factor in &FACTORS {

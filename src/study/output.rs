@@ -25,7 +25,7 @@ pub(super) fn write(
     let caption = caption(options, results)?;
     let mut markdown = format!("# {name}\n\n{question}\n\n{caption}\n");
     for table in &report.tables {
-        markdown += &format!("\n{}", table.to_markdown());
+        markdown += &format!("\n{table}");
     }
     for note in &report.notes {
         markdown += &format!("\n{note}\n");

@@ -8,7 +8,6 @@ use super::quality::{
 };
 use super::renders::Method;
 use super::runs::{Finished, Results};
-use super::table::{Column, DataTable};
 use super::viewpoints::{Survey, scatter};
 use super::{Picture, Report, Study, file_name};
 use crate::config::FieldConfig;
@@ -16,6 +15,7 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::report::plot::{Axis, Plot, Point, Style};
 use crate::report::stats::Figure;
+use crate::report::{Column, Table};
 
 /// Weights of `U_conf` in the field; that of the study's options is among them or added.
 const LAMBDAS: [f64; 5] = [0.0, 0.1, 0.2, 0.4, 0.8];
@@ -80,7 +80,7 @@ fn trained(results: &Results) -> Vec<(f64, String)> {
     lambdas
 }
 
-fn lambda_table(results: &Results) -> DataTable {
+fn lambda_table(results: &Results) -> Table {
     let columns = [
         SCENE,
         Column::text("lambda", "lambda"),
@@ -88,9 +88,9 @@ fn lambda_table(results: &Results) -> DataTable {
         SSIM,
         LPIPS,
         TO_MODEL,
-        Column::text("gain", "against the method's, dB"),
+        Column::quantity("gain", "against the method's, dB"),
     ];
-    let mut table = DataTable::new("parameters", &columns);
+    let mut table = Table::new("parameters", &columns);
     for scope in results.scopes() {
         for (lambda, variant) in trained(results) {
             let gained = match variant.as_str() {
@@ -144,7 +144,7 @@ fn lambda_pictures(results: &Results) -> Result<Vec<Picture>> {
 
 /// Tabulates the potential against quality for every sigma and lambda, and plots those that differ
 /// from the method's in one of the two.
-fn settings(results: &Results) -> Result<(DataTable, Vec<Picture>)> {
+fn settings(results: &Results) -> Result<(Table, Vec<Picture>)> {
     let columns = [
         SCENE,
         Column::text("sigma", "sigma"),
@@ -154,7 +154,7 @@ fn settings(results: &Results) -> Result<(DataTable, Vec<Picture>)> {
         Column::figure("partial", "at equal angle", 3),
         TO_MODEL,
     ];
-    let mut table = DataTable::new("parameters-settings", &columns);
+    let mut table = Table::new("parameters-settings", &columns);
     let mut pictures = Vec::new();
     let gpu = Gpu::open()?;
     for scene in results.scenes() {

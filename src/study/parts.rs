@@ -5,10 +5,10 @@ use super::quality::{
     COVERED, LPIPS, PSNR, SCENE, SSIM, TO_MODEL, covered_psnr, gain, psnr_at, quality, scenes,
 };
 use super::runs::Results;
-use super::table::{Column, DataTable};
 use super::{Picture, Report, Study};
 use crate::error::Result;
 use crate::report::plot::{Axis, Plot, Style};
+use crate::report::{Column, Table};
 
 /// The preset of all parts, and the one without any.
 const WHOLE: &str = "gspotential";
@@ -195,10 +195,10 @@ impl Study for Parts {
             LPIPS,
             TO_MODEL,
             COVERED,
-            Column::text("gain", "PSNR gain dB"),
+            Column::quantity("gain", "PSNR gain dB"),
         ];
         let rows = rows();
-        let mut table = DataTable::new("parts", &columns);
+        let mut table = Table::new("parts", &columns);
         for scope in results.scopes() {
             for (i, row) in rows.iter().enumerate() {
                 let gained = row.over.map_or(String::new(), |over| {

@@ -8,7 +8,6 @@ use glam::DVec3;
 use super::plan::{Base, Variant};
 use super::quality::{LPIPS, PSNR, SCENE, SSIM, TO_MODEL, difference, quality};
 use super::runs::{Finished, Results};
-use super::table::{Cell, Column, DataTable};
 use super::viewpoints::{Setting, cameras, psnr_at};
 use super::{Picture, Report, Study, file_name};
 use crate::camera::Camera;
@@ -19,6 +18,7 @@ use crate::gpu::Gpu;
 use crate::pipeline::{TrainJob, focus_of};
 use crate::report::plot::{MapMark, SphereMap};
 use crate::report::stats::Figure;
+use crate::report::{Cell, Column, Table};
 use crate::scene::{CloudSource, SceneSource, View};
 
 /// On the scene's own split and cloud.
@@ -245,7 +245,7 @@ fn common_range(surveys: &[Surveyed; 2]) -> Option<Range<f64>> {
     Some(least..greatest)
 }
 
-fn quality_table(results: &Results) -> DataTable {
+fn quality_table(results: &Results) -> Table {
     let columns = [
         SCENE,
         Column::text("cameras", "3dgs from"),
@@ -254,7 +254,7 @@ fn quality_table(results: &Results) -> DataTable {
         LPIPS,
         TO_MODEL,
     ];
-    let mut table = DataTable::new("pilot", &columns);
+    let mut table = Table::new("pilot", &columns);
     for scope in results.scopes() {
         for (variant, label) in LAYOUTS {
             let head: [Cell; 2] = [scope.name.clone().into(), label.into()];
@@ -264,7 +264,7 @@ fn quality_table(results: &Results) -> DataTable {
     table
 }
 
-fn angle_table() -> DataTable {
+fn angle_table() -> Table {
     let columns = [
         SCENE,
         Column::text("angle", "degrees to the nearest camera"),
@@ -273,10 +273,10 @@ fn angle_table() -> DataTable {
         Column::figure("psnr_all", "all cameras, PSNR dB", 2),
         Column::figure("n_all", "viewpoints", 0),
     ];
-    DataTable::new("pilot-angle", &columns)
+    Table::new("pilot-angle", &columns)
 }
 
-fn angle_rows(table: &mut DataTable, scene: &str, surveys: &[Surveyed; 2]) {
+fn angle_rows(table: &mut Table, scene: &str, surveys: &[Surveyed; 2]) {
     for bounds in BOUNDS.windows(2) {
         let mut cells: Vec<Cell> = vec![
             scene.into(),
@@ -290,20 +290,20 @@ fn angle_rows(table: &mut DataTable, scene: &str, surveys: &[Surveyed; 2]) {
     }
 }
 
-fn valley_table() -> DataTable {
+fn valley_table() -> Table {
     let columns = [
         SCENE,
         Column::text("pair", "neighbouring cameras"),
         Column::figure("gap", "degrees apart", 0),
         Column::figure("ends", "at either, PSNR dB", 2),
         Column::figure("middle", "midway, PSNR dB", 2),
-        Column::text("drop", "drop, dB"),
+        Column::quantity("drop", "drop, dB"),
     ];
-    DataTable::new("pilot-valleys", &columns)
+    Table::new("pilot-valleys", &columns)
 }
 
 /// Adds the quality at two neighbouring cameras and midway between them.
-fn valley_rows(table: &mut DataTable, scene: &str, survey: &Surveyed) {
+fn valley_rows(table: &mut Table, scene: &str, survey: &Surveyed) {
     for (i, j, middle) in survey.neighbours() {
         let [(a, from), (b, to)] = [&survey.trained[i], &survey.trained[j]];
         let (ends, midway) = (survey.near(&[*from, *to]), survey.near(&[middle]));

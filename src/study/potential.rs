@@ -5,7 +5,6 @@ use glam::DVec3;
 use super::plan::{Base, Variant};
 use super::quality::{SCENE, TO_MODEL, to_model};
 use super::runs::{Finished, Results};
-use super::table::{Column, DataTable};
 use super::viewpoints::{Setting, cameras, correlations, scatter};
 use super::{Picture, Report, Study, file_name};
 use crate::camera::compass::Compass;
@@ -14,6 +13,7 @@ use crate::cloud::splat::splat_views;
 use crate::error::Result;
 use crate::report::plot::{MapMark, SphereMap};
 use crate::report::stats::Figure;
+use crate::report::{Column, Table};
 
 const PRESETS: [&str; 3] = ["3dgs", "paper", "gspotential"];
 
@@ -50,7 +50,7 @@ impl Study for Potential {
             ],
             ..Report::default()
         };
-        let mut table = DataTable::new("potential", &COLUMNS);
+        let mut table = Table::new("potential", &COLUMNS);
         for scene in results.scenes() {
             let Some(run) = results.of(scene, "paper").into_iter().next() else {
                 continue;

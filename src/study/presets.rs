@@ -7,12 +7,12 @@ use super::quality::{
 };
 use super::renders::Method;
 use super::runs::{Finished, Results, Scope};
-use super::table::{Column, DataTable};
 use super::{Picture, Report, Study, file_name};
 use crate::error::Result;
 use crate::pipeline::TrainJob;
 use crate::report::plot::{Axis, Plot, Point, Style};
 use crate::report::stats::Figure;
+use crate::report::{Column, Table};
 use crate::run::CurvePoint;
 
 /// The baseline first: gains are over it.
@@ -37,7 +37,7 @@ const COLUMNS: [Column; 13] = [
     LPIPS,
     TO_MODEL,
     COVERED,
-    Column::text("gain", "over 3dgs, dB"),
+    Column::quantity("gain", "over 3dgs, dB"),
     Column::figure("best_psnr", "best PSNR dB", 2),
     Column::figure("lost", "best - last, dB", 2),
     Column::figure("iterations", "iterations", 0),
@@ -72,7 +72,7 @@ impl Study for Presets {
     }
 
     fn report(&self, results: &Results) -> Result<Report> {
-        let mut table = DataTable::new("presets", &COLUMNS);
+        let mut table = Table::new("presets", &COLUMNS);
         for scope in results.scopes() {
             for preset in PRESETS {
                 let variant = &variant(preset);

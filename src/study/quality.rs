@@ -2,9 +2,9 @@
 //! change gains.
 
 use super::runs::{Finished, Results, Scope};
-use super::table::{Cell, Column};
 use crate::report::plot::Point;
 use crate::report::stats::Figure;
+use crate::report::{Cell, Column};
 
 pub(crate) const SCENE: Column = Column::text("scene", "scene");
 pub(crate) const PSNR: Column = Column::figure("psnr", "PSNR dB", 2);

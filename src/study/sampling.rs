@@ -4,10 +4,10 @@ use super::plan::{Base, Variant};
 use super::quality::{LPIPS, PSNR, SCENE, SSIM, TO_MODEL, gain, psnr_at, quality, scenes};
 use super::renders::Method;
 use super::runs::Results;
-use super::table::{Column, DataTable};
 use super::{Picture, Report, Study};
 use crate::error::Result;
 use crate::report::plot::{Axis, Plot, Style};
+use crate::report::{Column, Table};
 
 /// Name of the variant, what it sets, and what it is called: the paper's five, and the field
 /// weighted by what the training cameras see.
@@ -72,9 +72,9 @@ impl Study for Sampling {
             SSIM,
             LPIPS,
             TO_MODEL,
-            Column::text("difference", "against the field, dB"),
+            Column::quantity("difference", "against the field, dB"),
         ];
-        let mut table = DataTable::new("sampling", &columns);
+        let mut table = Table::new("sampling", &columns);
         for scope in results.scopes() {
             for (name, _, label) in STRATEGIES {
                 let against = match name {

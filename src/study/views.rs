@@ -3,13 +3,13 @@
 use super::plan::{Base, Variant};
 use super::quality::{LPIPS, PSNR, SCENE, SSIM, TO_MODEL, gain, psnr_at, quality, scenes};
 use super::runs::Results;
-use super::table::{Column, DataTable};
 use super::{Picture, Report, Study};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::field::angle;
 use crate::pipeline::{TrainJob, focus_of};
 use crate::report::plot::{Axis, Plot, Style};
+use crate::report::{Column, Table};
 use crate::scene::View;
 
 const COUNTS: [usize; 5] = [3, 4, 5, 6, 9];
@@ -72,9 +72,9 @@ impl Study for Views {
             SSIM,
             LPIPS,
             TO_MODEL,
-            Column::text("gain", "over 3dgs, dB"),
+            Column::quantity("gain", "over 3dgs, dB"),
         ];
-        let mut table = DataTable::new("views", &columns);
+        let mut table = Table::new("views", &columns);
         for scope in results.scopes() {
             for count in COUNTS {
                 for preset in PRESETS.into_iter().filter(|p| scope.has(&name(p, count))) {

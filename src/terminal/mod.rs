@@ -1,7 +1,4 @@
-//! The terminal shows the log ([`logging`]), progress ([`progress`]) and tables.
+//! The terminal shows the log ([`logging`]) and progress ([`progress`]).
 
 pub mod logging;
 pub mod progress;
-pub mod table;
-
-pub use table::Table;

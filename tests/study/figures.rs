@@ -2,8 +2,9 @@
 
 use glam::DVec3;
 use gspotential::report::stats::{Figure, partial_spearman, spearman};
+use gspotential::report::{Cell, Column, Table};
 use gspotential::scene::builtin::{test_cameras, train_cameras};
-use gspotential::study::{Cell, Column, DataTable, spread_order};
+use gspotential::study::spread_order;
 
 fn figure(values: &[f64]) -> Option<Figure> {
     Figure::of(values.iter().copied().map(Some))
@@ -80,11 +81,11 @@ fn a_table_says_the_same_as_markdown_csv_and_json() {
         Column::text("name", "what"),
         Column::figure("psnr", "PSNR dB", 2),
     ];
-    let mut table = DataTable::new("some", &columns);
+    let mut table = Table::new("some", &columns);
     table.row(["a, \"b\" | c".into(), figure(&[16.0, 17.0]).into()]);
     table.row(["one".into(), Some(Figure::exact(16.126)).into()]);
     table.row(["none".into(), Cell::Figure(None)]);
-    let markdown = table.to_markdown();
+    let markdown = table.to_string();
     let lines: Vec<&str> = markdown.lines().collect();
     assert!(lines[0].contains("| what") && lines[0].contains("PSNR dB |"));
     assert!(lines[2].contains("a, \"b\" \\| c") && lines[2].ends_with(" 16.50 ± 0.71 |"));

@@ -6,112 +6,58 @@ use super::{Block, ComparedRun, Comparison, Row};
 use crate::metrics::{CoveredScore, LpipsRecord, Mean};
 use crate::report::evaluation::{COVERED, MASKED, how, lpips_hint};
 use crate::report::stats::Figure;
-use crate::terminal::table::{Table, escaped};
+use crate::report::table::{Cell, Column, Table, escaped};
 
-/// A column of figures.
-struct Column {
-    heading: String,
-    better: Better,
-    digits: usize,
-    value: Value,
+/// A column of figures and what each run has in it.
+struct Measure {
+    column: Column,
+    value: Box<dyn Fn(&ComparedRun) -> Option<f64>>,
 }
 
-type Value = Box<dyn Fn(&ComparedRun) -> Option<f64>>;
-
-#[derive(Clone, Copy, PartialEq)]
-enum Better {
-    Higher,
-    Lower,
-    Neither,
-}
-
-impl Column {
-    fn new(
-        heading: impl Into<String>,
-        better: Better,
-        digits: usize,
-        value: impl Fn(&ComparedRun) -> Option<f64> + 'static,
-    ) -> Column {
-        let arrow = match better {
-            Better::Higher => " ↑",
-            Better::Lower => " ↓",
-            Better::Neither => "",
-        };
-        Column {
-            heading: heading.into() + arrow,
-            better,
-            digits,
+impl Measure {
+    fn new(column: Column, value: impl Fn(&ComparedRun) -> Option<f64> + 'static) -> Measure {
+        Measure {
+            column,
             value: Box::new(value),
         }
     }
-
-    fn printed(&self, figure: Option<Figure>) -> String {
-        let digits = self.digits;
-        match figure {
-            None => "n/a".to_owned(),
-            Some(Figure { mean, deviation }) => {
-                let spread = deviation.map(|d| format!(" ± {d:.digits$}"));
-                format!("{mean:.digits$}{}", spread.unwrap_or_default())
-            }
-        }
-    }
-
-    /// Returns the cells of rows that compare; what equals the best as printed is best, too.
-    fn cells(&self, figures: &[Option<Figure>]) -> Vec<String> {
-        let means = figures.iter().flatten().map(|figure| figure.mean);
-        let best = match self.better {
-            Better::Higher => means.max_by(f64::total_cmp),
-            Better::Lower => means.min_by(f64::total_cmp),
-            Better::Neither => None,
-        };
-        let digits = self.digits;
-        let rounded = |value: f64| format!("{value:.digits$}");
-        let compares = figures.iter().flatten().count() > 1;
-        let is_best = |figure: &Option<Figure>| {
-            let mean = figure.map(|figure| rounded(figure.mean));
-            compares && mean.is_some() && mean == best.map(rounded)
-        };
-        let cell = |figure: &Option<Figure>| {
-            let text = self.printed(*figure);
-            if is_best(figure) {
-                format!("**{text}**")
-            } else {
-                text
-            }
-        };
-        figures.iter().map(cell).collect()
-    }
 }
 
-fn columns(runs: &[ComparedRun]) -> Vec<Column> {
-    use Better::{Higher, Lower, Neither};
-    let mut columns = vec![
-        Column::new("PSNR dB", Higher, 2, |run| run.evaluation.mean.psnr),
-        Column::new("SSIM", Higher, 3, |run| run.evaluation.mean.ssim),
+const PSNR: Column = Column::figure("psnr", "PSNR dB", 2).higher_is_better();
+const SSIM: Column = Column::figure("ssim", "SSIM", 3).higher_is_better();
+const LPIPS: Column = Column::figure("lpips", "LPIPS", 3).lower_is_better();
+const MASKED_PSNR: Column = Column::figure("masked_psnr", "masked PSNR dB", 2).higher_is_better();
+const MASKED_SSIM: Column = Column::figure("masked_ssim", "masked SSIM", 3).higher_is_better();
+const COVERED_PSNR: Column =
+    Column::figure("covered_psnr", "covered PSNR dB", 2).higher_is_better();
+const TIME: Column = Column::figure("time_s", "time s", 1).lower_is_better();
+const GAUSSIANS: Column = Column::figure("n_gaussians", "Gaussians", 0);
+const MEGABYTES: Column = Column::figure("mb", "MB", 1);
+
+fn measures(runs: &[ComparedRun]) -> Vec<Measure> {
+    let mut measures = vec![
+        Measure::new(PSNR, |run| run.evaluation.mean.psnr),
+        Measure::new(SSIM, |run| run.evaluation.mean.ssim),
     ];
-    columns.extend(lpips_columns(runs, "", |run| run.evaluation.mean.lpips));
+    measures.extend(lpips_measures(runs, "", |run| run.evaluation.mean.lpips));
     if any_masked(runs) {
-        columns.extend([
-            Column::new("masked PSNR dB", Higher, 2, |run| masked(run)?.psnr),
-            Column::new("masked SSIM", Higher, 3, |run| masked(run)?.ssim),
+        measures.extend([
+            Measure::new(MASKED_PSNR, |run| masked(run)?.psnr),
+            Measure::new(MASKED_SSIM, |run| masked(run)?.ssim),
         ]);
-        columns.extend(lpips_columns(runs, "masked ", |run| masked(run)?.lpips));
+        measures.extend(lpips_measures(runs, "masked ", |run| masked(run)?.lpips));
     }
     if runs.iter().any(|run| covered(run).is_some()) {
-        columns.push(Column::new("covered PSNR dB", Higher, 2, |run| {
-            covered(run)?.psnr
-        }));
+        measures.push(Measure::new(COVERED_PSNR, |run| covered(run)?.psnr));
     }
-    columns.extend([
-        Column::new("time s", Lower, 1, |run| run.metrics.seconds.to_model()),
-        Column::new("Gaussians", Neither, 0, |run| {
-            Some(run.evaluation.n_gaussians as f64)
-        }),
-        Column::new("MB", Neither, 1, |run| {
+    measures.extend([
+        Measure::new(TIME, |run| run.metrics.seconds.to_model()),
+        Measure::new(GAUSSIANS, |run| Some(run.evaluation.n_gaussians as f64)),
+        Measure::new(MEGABYTES, |run| {
             Some(run.measured().point_cloud_bytes as f64 / 1e6)
         }),
     ]);
-    columns
+    measures
 }
 
 fn any_masked(runs: &[ComparedRun]) -> bool {
@@ -128,11 +74,11 @@ fn masked(run: &ComparedRun) -> Option<Mean> {
 
 /// Makes a column for every LPIPS that was measured: distances of different nets, ranges or weights
 /// do not compare.
-fn lpips_columns(
+fn lpips_measures(
     runs: &[ComparedRun],
     prefix: &str,
     value: fn(&ComparedRun) -> Option<f64>,
-) -> Vec<Column> {
+) -> Vec<Measure> {
     let mut kinds: Vec<&LpipsRecord> = Vec::new();
     for kind in runs.iter().filter_map(|run| run.measured().lpips.as_ref()) {
         if !kinds.contains(&kind) {
@@ -140,78 +86,60 @@ fn lpips_columns(
         }
     }
     if kinds.is_empty() {
-        return vec![Column::new(
-            format!("{prefix}LPIPS"),
-            Better::Lower,
-            3,
-            value,
-        )];
+        let column = LPIPS.headed(format!("{prefix}LPIPS"));
+        return vec![Measure::new(column, value)];
     }
-    let column = |kind: &&LpipsRecord| {
+    let measure = |kind: &&LpipsRecord| {
         let name = kind.to_string();
         let mut heading = format!("{prefix}{name}");
         if kinds.iter().filter(|k| k.to_string() == name).count() > 1 {
             heading += &format!(" weights {:.8}", kind.weights_sha256);
         }
         let kind = (*kind).clone();
-        Column::new(heading, Better::Lower, 3, move |run| {
+        Measure::new(LPIPS.headed(heading), move |run| {
             let is_it = run.measured().lpips.as_ref() == Some(&kind);
             value(run).filter(|_| is_it)
         })
     };
-    kinds.iter().map(column).collect()
+    kinds.iter().map(measure).collect()
 }
 
-/// Adds a scene's rows: its name in the first, and the figures of each column.
-fn add_rows(
-    table: &mut Table,
-    scene: &str,
-    labels: &[&str],
-    n_runs: Option<&[usize]>,
-    columns: &[Vec<String>],
-) {
-    for (i, label) in labels.iter().enumerate() {
-        let scene = if i == 0 { scene } else { "" };
-        let mut cells = vec![scene.to_owned(), (*label).to_owned()];
-        cells.extend(columns.iter().map(|column| column[i].clone()));
-        cells.extend(n_runs.map(|n| n[i].to_string()));
-        table.row(&cells);
-    }
+/// The first cells of row `i` of a scene, which is named once.
+fn head(i: usize, scene: &str, method: &str) -> [Cell; 2] {
+    let scene = if i == 0 { scene } else { "" };
+    [scene.into(), method.into()]
 }
 
 impl Comparison<'_> {
     fn table(&self) -> Table {
-        let columns = columns(self.runs);
+        let measures = measures(self.runs);
         let has_seeds = self.all_rows().any(|row| row.runs.len() > 1);
-        let mut header = vec!["scene", "method"];
-        header.extend(columns.iter().map(|column| column.heading.as_str()));
-        header.extend(has_seeds.then_some("seeds"));
-        let mut table = Table::with_text(2, &header);
+        let mut columns = vec![
+            Column::text("scene", "scene"),
+            Column::text("method", "method"),
+        ];
+        columns.extend(measures.iter().map(|measure| measure.column.clone()));
+        columns.extend(has_seeds.then_some(Column::number("seeds", "seeds", 0)));
+        let mut table = Table::new("comparison", &columns);
         for block in &self.blocks {
-            let labels: Vec<&str> = block.rows.iter().map(|row| row.label.as_str()).collect();
-            let n_runs: Vec<usize> = block.rows.iter().map(|row| row.runs.len()).collect();
-            let cells: Vec<Vec<String>> = columns
-                .iter()
-                .map(|column| {
-                    let figures = block.rows.iter().map(|row| row.figure(&column.value));
-                    column.cells(&figures.collect::<Vec<_>>())
-                })
-                .collect();
-            let n_runs = has_seeds.then_some(n_runs.as_slice());
-            add_rows(&mut table, &block.scene, &labels, n_runs, &cells);
+            let begin = table.n_rows();
+            for (i, row) in block.rows.iter().enumerate() {
+                let figures = measures.iter().map(|m| row.figure(&m.value).into());
+                let n_runs = has_seeds.then(|| row.runs.len().into());
+                let head = head(i, &block.scene, &row.label);
+                table.row(head.into_iter().chain(figures).chain(n_runs));
+            }
+            table.mark_best(begin..table.n_rows());
         }
-        let labels = self.labels_of_all();
-        let cells: Vec<Vec<String>> = columns
-            .iter()
-            .map(|column| {
-                let figures = labels
-                    .iter()
-                    .map(|label| self.mean_over_scenes(label, column));
-                column.cells(&figures.collect::<Vec<_>>())
-            })
-            .collect();
+        let begin = table.n_rows();
         let scene = format!("mean of {} scenes", self.blocks.len());
-        add_rows(&mut table, &scene, &labels, None, &cells);
+        for (i, label) in self.labels_of_all().into_iter().enumerate() {
+            let figures = measures
+                .iter()
+                .map(|measure| self.mean_over_scenes(label, measure).into());
+            table.row(head(i, &scene, label).into_iter().chain(figures));
+        }
+        table.mark_best(begin..table.n_rows());
         table
     }
 
@@ -220,8 +148,8 @@ impl Comparison<'_> {
     }
 
     /// Returns the mean of the scenes' means over seeds.
-    fn mean_over_scenes(&self, label: &str, column: &Column) -> Option<Figure> {
-        let mean = |block: &Block| Some(block.row(label)?.figure(&column.value)?.mean);
+    fn mean_over_scenes(&self, label: &str, measure: &Measure) -> Option<Figure> {
+        let mean = |block: &Block| Some(block.row(label)?.figure(&measure.value)?.mean);
         let figure = Figure::of(self.blocks.iter().map(mean))?;
         // The deviation of scenes says nothing about a method.
         Some(Figure {

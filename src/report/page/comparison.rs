@@ -10,11 +10,9 @@ use super::picture::{MAX_PIXELS, Picture, picture, side_of};
 use super::{document, json, table};
 use crate::error::Result;
 use crate::files::write_file;
-use crate::report::read_png;
+use crate::report::{Column, Table, read_png};
 use crate::run::{Evaluation, Metrics, RunDir, SceneRecord, file_names};
 use crate::scene::View;
-use crate::terminal::Table;
-use crate::terminal::table::figure;
 
 /// Most test views of a scene, evenly over all of them: a run's own page has the rest. With many
 /// runs there are fewer, so that they stay large enough to see.
@@ -118,27 +116,28 @@ impl SceneRuns {
     }
 
     fn table(&self) -> Table {
-        let mut table = Table::new(&[
-            "run",
-            "preset",
-            "seed",
-            "PSNR dB",
-            "SSIM",
-            "LPIPS",
-            "Gaussians",
-            "train s",
-        ]);
+        let columns = [
+            Column::text("run", "run"),
+            Column::text("preset", "preset"),
+            Column::quantity("seed", "seed"),
+            Column::number("psnr", "PSNR dB", 2),
+            Column::number("ssim", "SSIM", 4),
+            Column::number("lpips", "LPIPS", 4),
+            Column::number("n_gaussians", "Gaussians", 0),
+            Column::number("train_s", "train s", 1),
+        ];
+        let mut table = Table::new("runs", &columns);
         for run in &self.runs {
             let mean = &run.evaluation.mean;
-            table.row(&[
-                run.name.clone(),
-                run.preset.clone(),
-                run.metrics.seed.to_string(),
-                figure(mean.psnr, 2),
-                figure(mean.ssim, 4),
-                figure(mean.lpips, 4),
-                run.evaluation.n_gaussians.to_string(),
-                figure(run.evaluation.train_s, 1),
+            table.row([
+                (&run.name).into(),
+                (&run.preset).into(),
+                run.metrics.seed.to_string().into(),
+                mean.psnr.into(),
+                mean.ssim.into(),
+                mean.lpips.into(),
+                run.evaluation.n_gaussians.into(),
+                run.evaluation.train_s.into(),
             ]);
         }
         table

@@ -17,7 +17,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde::Serialize;
 
 use crate::error::{Error, Result};
-use crate::terminal::Table;
+use crate::report::Table;
 
 const STYLE: &str = include_str!("style.css");
 
@@ -63,7 +63,7 @@ fn table(table: &Table) -> Markup {
     };
     html! {
         div.wide { table {
-            @for (i, row) in table.rows().iter().enumerate() {
+            @for (i, row) in table.shown().iter().enumerate() {
                 tr { @for text in row {
                     @if i == 0 { th { (text) } } @else { td { (cell(text)) } }
                 } }

@@ -15,10 +15,10 @@ use crate::error::Result;
 use crate::files::write_file;
 use crate::gaussians::ply::read_ply;
 use crate::metrics::ViewScore;
+use crate::report::table::figure;
 use crate::report::{read_png, view_table};
 use crate::run::{Evaluation, Metrics, RunDir, file_names};
 use crate::scene::View;
-use crate::terminal::table::figure;
 
 /// Longer side of the contact sheet of virtual views, pixels.
 const SHEET_SIDE: u32 = 1200;
