@@ -1,7 +1,7 @@
 //! Filled holes against a reference in f64.
 
 use gspotential::cloud::splat::{SplatImage, fill_holes};
-use gspotential::doctor::twin::cases::Random;
+use gspotential::doctor::twin::random::Random;
 
 const WEIGHT: u8 = 77;
 

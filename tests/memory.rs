@@ -1,7 +1,7 @@
 //! What a run is said to need is what it takes, to the byte.
 
 use gspotential::config::Config;
-use gspotential::doctor::twin::cases::Random;
+use gspotential::doctor::twin::random::Random;
 use gspotential::gpu::Gpu;
 use gspotential::pipeline::{Forecast, Prepared, load_scene, prepare};
 use gspotential::render::{Kernels, first_pairs, most_pairs};

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use gspotential::config::Config;
-use gspotential::doctor::twin::cases::Random;
+use gspotential::doctor::twin::random::Random;
 use gspotential::error::Result;
 use gspotential::pipeline::load_scene;
 use gspotential::scene::{LoadOptions, PointCloud, Scene, SceneSource};

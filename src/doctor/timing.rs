@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::rig::{Context, Rig};
 use super::view::{TIMED_GAUSSIANS, TIMED_SIZE, ViewCase};
 use super::{adam, changes, loss, stage};
-use crate::doctor::twin::cases::Random;
+use crate::doctor::twin::random::Random;
 use crate::error::Result;
 use crate::gpu::{Commands, Profile};
 use crate::render::{LossUniform, Pass, PoseGradient, read_totals};

@@ -11,6 +11,7 @@ mod measure;
 mod memory;
 mod moved;
 mod orbit;
+mod outputs;
 mod photographs;
 mod prepare;
 mod profile;

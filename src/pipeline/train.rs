@@ -7,6 +7,7 @@ use glam::DVec3;
 use super::job::record;
 use super::keep::{Identity, Keeper, Log};
 use super::measure::{Clouds, Seen, Subject, measure};
+use super::outputs::{all_cameras, model_sizes, pose_changes, write_virtual_sheet};
 use super::profile::Sampler;
 use super::watch::{Curve, Watch, curve_point};
 use super::{Clock, Forecast, Prepared, TrainJob, cameras, prepare};
@@ -18,14 +19,14 @@ use crate::eval::EvalOptions;
 use crate::gaussians::ply::write_ply;
 use crate::gpu::Gpu;
 use crate::render::{Kernels, Renderer, most_gaussians};
-use crate::report::{ContactSheet, mask_image, write_png, write_run_page};
+use crate::report::write_run_page;
 use crate::run::{
-    Evaluation, JobRecord, Memory, Metrics, ModelSize, PoseChange, RunDir, RunProfile, SceneRecord,
-    Seconds, StepProfile, Stop, peak_host_bytes,
+    Evaluation, JobRecord, Memory, Metrics, PoseChange, RunDir, RunProfile, SceneRecord, Seconds,
+    StepProfile, Stop, peak_host_bytes,
 };
-use crate::scene::{Image, PointCloud, Scene};
+use crate::scene::{PointCloud, Scene};
 use crate::terminal::progress::Progress;
-use crate::train::{PlanRecord, Trained, Trainer, TrainingView};
+use crate::train::{Trained, Trainer};
 
 /// Time that a command has taken before training; the default is one that begins now.
 #[derive(Default)]
@@ -235,24 +236,7 @@ impl Task<'_> {
         let world = cameras.iter().map(|c| frame.camera_to_world(c));
         let all = all_cameras(self.scene, world.collect(), &self.prepared.virtual_cameras);
         write_cameras(&self.run.cameras(), &all, frame.offset())?;
-        let before = &self.prepared.supervision.real;
-        let change = |(after, before): (&Camera, &TrainingView)| {
-            let (turn, shift) = after.difference(&before.camera);
-            PoseChange {
-                view: after.name.clone(),
-                turn_deg: turn.to_degrees(),
-                shift,
-            }
-        };
-        let changes: Vec<PoseChange> = cameras.iter().zip(before).map(change).collect();
-        let mean =
-            |of: fn(&PoseChange) -> f64| changes.iter().map(of).sum::<f64>() / changes.len() as f64;
-        log::info!(
-            "poses refined: turned by {:.2} degrees and shifted by {:.2} % of R in the mean",
-            mean(|c| c.turn_deg),
-            100.0 * mean(|c| c.shift)
-        );
-        Ok(changes)
+        Ok(pose_changes(cameras, &self.prepared.supervision.real))
     }
 
     /// Runs all iterations that are left and adds the parts' times to `seconds`.
@@ -322,15 +306,6 @@ impl Task<'_> {
     }
 }
 
-/// Returns training, test and virtual cameras; a test view that is also a training view is there
-/// once.
-fn all_cameras(scene: &Scene, train: Vec<Camera>, virtual_cameras: &[Camera]) -> Vec<Camera> {
-    let is_new = |camera: &Camera| train.iter().all(|other| other.name != camera.name);
-    let mut test = cameras(&scene.test);
-    test.retain(is_new);
-    [&train, &test, virtual_cameras].concat()
-}
-
 /// Logs how many of `n_points` each round took.
 fn log_carving(removed: &[usize], n_points: usize) {
     let rounds: Vec<String> = removed.iter().map(usize::to_string).collect();
@@ -368,40 +343,4 @@ pub(super) fn fitted(config: &Config, gpu: &Gpu, n_start: usize) -> Result<Confi
         fitted.densify.max_gaussians = most;
     }
     Ok(fitted)
-}
-
-fn write_virtual_sheet(run: &RunDir, views: &[TrainingView]) -> Result<()> {
-    let Some(first) = views.first() else {
-        return Ok(());
-    };
-    let (width, height) = (first.camera.width, first.camera.height);
-    let mut sheet = ContactSheet::new(views.len(), 2, width, height)?;
-    for TrainingView { camera, goal, .. } in views {
-        let (width, height) = (camera.width, camera.height);
-        let goal = goal.texels();
-        let rgb = goal
-            .iter()
-            .flat_map(|t| t.to_le_bytes().into_iter().take(3))
-            .collect();
-        let mask: Vec<u8> = goal.iter().map(|texel| texel.to_le_bytes()[3]).collect();
-        sheet.add(&[
-            &Image { width, height, rgb },
-            &mask_image(width, height, &mask),
-        ])?;
-    }
-    write_png(&run.virtual_sheet(), &sheet.finish())
-}
-
-fn model_sizes(start: usize, plans: &[PlanRecord]) -> Vec<ModelSize> {
-    let first = ModelSize {
-        iteration: 0,
-        n_gaussians: start,
-        plan: None,
-    };
-    let rest = plans.iter().map(|plan| ModelSize {
-        iteration: plan.iteration,
-        n_gaussians: plan.n_gaussians,
-        plan: Some(plan.counts),
-    });
-    std::iter::once(first).chain(rest).collect()
 }

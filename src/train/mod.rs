@@ -19,6 +19,7 @@ pub mod pose_adam;
 mod poses;
 mod record;
 mod refine;
+mod room;
 pub mod schedule;
 pub mod shell;
 mod state;

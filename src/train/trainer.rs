@@ -16,8 +16,7 @@ use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
 use crate::gpu::{Commands, Gpu, Profile};
 use crate::render::{
-    Bound, Capacity, Kernels, LossUniform, Model, Pass, PassStep, ViewUniform, Workspace,
-    read_totals,
+    Bound, Kernels, LossUniform, Model, Pass, PassStep, ViewUniform, Workspace, read_totals,
 };
 
 /// Iterations between two looks at the GPU: a loss sample, the overflow flag, the progress.
@@ -62,8 +61,8 @@ pub struct StepViews {
 /// A training run in progress.
 pub struct Trainer<'a> {
     pub(super) gpu: &'a Gpu,
-    kernels: &'a Kernels,
-    optimizer_kernels: OptimizerKernels,
+    pub(super) kernels: &'a Kernels,
+    pub(super) optimizer_kernels: OptimizerKernels,
     pub(super) supervision: &'a Supervision,
     pub(super) config: &'a Config,
     pub(super) real: Vec<ViewUniform>,
@@ -72,8 +71,8 @@ pub struct Trainer<'a> {
     virtual_order: ViewOrder,
     pub(super) optimizer: Optimizer,
     pub(super) workspace: Workspace,
-    bound: Bound,
-    adam: Vec<Vec<wgpu::BindGroup>>,
+    pub(super) bound: Bound,
+    pub(super) adam: Vec<Vec<wgpu::BindGroup>>,
     pub(super) refinement: Option<Refinement>,
     /// One a view, the real ones first; empty unless dropout is guided.
     pub(super) guides: Vec<Guide>,
@@ -150,20 +149,6 @@ impl<'a> Trainer<'a> {
     /// Returns what parts of the run have taken so far.
     pub fn seconds(&self) -> TrainerSeconds {
         self.seconds
-    }
-
-    /// Returns the number of (tile, Gaussian) pairs that the buffers have room for. A step that has
-    /// more is repeated with larger buffers.
-    pub fn pair_capacity(&self) -> usize {
-        self.workspace.capacity.pairs
-    }
-
-    /// Makes room for half as many pairs again as `pairs`.
-    ///
-    /// # Errors
-    /// A request that the adapter cannot hold.
-    pub fn reserve_pairs(&mut self, pairs: usize) -> Result<()> {
-        self.grow(self.workspace.capacity.with_pairs(self.gpu, pairs))
     }
 
     /// Runs all iterations that are left, from the first or from where the run was restored.
@@ -282,21 +267,6 @@ impl<'a> Trainer<'a> {
         StepViews { real, virtual_view }
     }
 
-    /// Grows the buffers if the pairs of a step or a tile's list did not fit, and returns that
-    /// step's iteration (from 0): nothing has changed since, so that it and those after it are to
-    /// be taken again.
-    ///
-    /// # Errors
-    /// More pairs than the adapter can bind, or a GPU fault.
-    pub fn make_room(&mut self) -> Result<Option<u32>> {
-        let totals = read_totals(self.gpu, &self.workspace)?;
-        let Some(room) = totals.room(self.gpu)? else {
-            return Ok(None);
-        };
-        self.grow(room)?;
-        Ok(Some(totals.overflow_step - 1))
-    }
-
     /// Returns the number of (tile, Gaussian) pairs of the last view, for benches.
     ///
     /// # Errors
@@ -361,50 +331,6 @@ impl<'a> Trainer<'a> {
             );
         }
         self.seconds.densify += clock.elapsed().as_secs_f64();
-        Ok(())
-    }
-
-    /// Follows a model that has changed.
-    pub(super) fn fit_model(&mut self) -> Result<()> {
-        if self.optimizer.model.stride > self.workspace.capacity.stride {
-            return self.grow(self.workspace.capacity);
-        }
-        self.rebind()
-    }
-
-    /// Makes room for the model and for `capacity`.
-    fn grow(&mut self, mut capacity: Capacity) -> Result<()> {
-        capacity.stride = capacity.stride.max(self.optimizer.model.stride);
-        // The old buffers are free before the new ones are made.
-        self.unbind();
-        self.workspace = Workspace::new(self.gpu, Capacity::default(), true)?;
-        self.gpu.wait()?;
-        self.workspace = Workspace::new(self.gpu, capacity, true)?;
-        self.rebind()
-    }
-
-    /// Drops the bind groups, which keep their buffers' memory.
-    pub(super) fn unbind(&mut self) {
-        self.bound = Bound::default();
-        self.adam.clear();
-        if let Some(refinement) = &mut self.refinement {
-            refinement.gradient = None;
-        }
-    }
-
-    fn rebind(&mut self) -> Result<()> {
-        self.bound = Bound::new(
-            self.gpu,
-            self.kernels,
-            &self.workspace,
-            &self.optimizer.model,
-        );
-        self.adam = self
-            .optimizer
-            .bind(self.gpu, &self.optimizer_kernels, &self.workspace);
-        if let Some(refinement) = &mut self.refinement {
-            refinement.rebind(self.gpu, &self.workspace, &self.optimizer.model)?;
-        }
         Ok(())
     }
 }

@@ -1,6 +1,7 @@
 //! Scans and radix sorts at the sizes where they change their way, and beyond what they count to.
 
-use gspotential::doctor::twin::cases::{Random, cameras, random_scene};
+use gspotential::doctor::twin::cases::{cameras, random_scene};
+use gspotential::doctor::twin::random::Random;
 use gspotential::doctor::{Context, Rig, gaussians_of, view_of};
 use gspotential::gpu::Commands;
 use gspotential::gpu::constants::{RADIX_CHUNK, SCAN_CHUNK, SCAN_FEW, WORKGROUP};

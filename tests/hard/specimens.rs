@@ -2,9 +2,10 @@
 
 use glam::{DVec3, Vec3};
 use gspotential::config::{Config, Kernel};
-use gspotential::doctor::twin::cases::{Random, looking_at, loss_weights, random_scene};
+use gspotential::doctor::twin::cases::{looking_at, loss_weights, random_scene};
 use gspotential::doctor::twin::compare::{max_abs_off_mask, relative_l2};
 use gspotential::doctor::twin::model::{TwinCamera, TwinGaussians};
+use gspotential::doctor::twin::random::Random;
 use gspotential::doctor::twin::raster::{backward, render};
 use gspotential::doctor::{Context, Rig, camera_of, gaussians_of, view_of, wide};
 use gspotential::field::{Coverage, Field, fibonacci_sphere};

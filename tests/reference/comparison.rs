@@ -1,7 +1,7 @@
 //! The comparisons and the readers can fail.
 
-use gspotential::doctor::twin::cases::Random;
 use gspotential::doctor::twin::compare::{max_abs_off_mask, relative_l2};
+use gspotential::doctor::twin::random::Random;
 
 use super::fixture::parse_ply;
 use super::npy;

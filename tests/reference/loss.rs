@@ -1,8 +1,8 @@
 //! The losses against values worked out by hand and central differences; Adam.
 
 use gspotential::doctor::twin::adam::TwinAdam;
-use gspotential::doctor::twin::cases::Random;
 use gspotential::doctor::twin::loss::{TwinLoss, loss, window};
+use gspotential::doctor::twin::random::Random;
 use gspotential::doctor::twin::tolerance;
 
 use super::assert_relative_l2;

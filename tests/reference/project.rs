@@ -1,10 +1,11 @@
 //! SH and the projection against their definitions and against central differences.
 
-use gspotential::doctor::twin::cases::{self, Random, TwinCase};
+use gspotential::doctor::twin::cases::{self, TwinCase};
 use gspotential::doctor::twin::dropout::TwinDropout;
 use gspotential::doctor::twin::linalg::{Vec3, dot, normalize};
 use gspotential::doctor::twin::model::{SplatGradient, TwinCamera, TwinGaussians, TwinSplat};
 use gspotential::doctor::twin::project::{RawGradient, project, project_backward};
+use gspotential::doctor::twin::random::Random;
 use gspotential::doctor::twin::{sh, tolerance};
 
 use super::assert_relative_l2;

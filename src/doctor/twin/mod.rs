@@ -17,6 +17,7 @@ pub mod loss;
 pub mod model;
 pub mod pose;
 pub mod project;
+pub mod random;
 pub mod raster;
 pub mod sh;
 pub mod splat;
