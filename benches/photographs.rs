@@ -20,7 +20,7 @@ use gspotential::error::Result;
 use gspotential::eval::{EvalOptions, fit_poses, render_views, score};
 use gspotential::gpu::Gpu;
 use gspotential::pipeline::{focus_of, prepare};
-use gspotential::render::Kernels;
+use gspotential::render::{Device, Kernels};
 use gspotential::report::{Cell, Column, Table};
 use gspotential::run::Seconds;
 use gspotential::scene::builtin::trace;
@@ -109,7 +109,7 @@ fn main() -> Result<()> {
                         false => [Cell::Empty, Cell::Empty],
                     };
                     let turned = maps.iter().zip(&way.maps);
-                    let turned = turned.map(|(a, b)| a.camera.difference(&b.camera).0);
+                    let turned = turned.map(|(a, b)| a.camera.difference(&b.camera).turn);
                     let row: [Cell; 8] = [
                         seed.to_string().into(),
                         name.into(),
@@ -232,7 +232,10 @@ fn trained(scene: &Scene, maps: &[DepthMap], config: &Config) -> Result<[Cell; 2
     for view in &mut test {
         view.camera = similarity.camera(&view.camera);
     }
-    let device = (&gpu, &kernels);
+    let device = Device {
+        gpu: &gpu,
+        kernels: &kernels,
+    };
     let fitted = fit_poses(device, &trained.gaussians, &prepared.frame, &test, config)?;
     for (view, camera) in test.iter_mut().zip(fitted) {
         view.camera = camera;

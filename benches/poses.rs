@@ -16,7 +16,7 @@ use gspotential::eval::{EvalOptions, PoseErrors, render_views, score};
 use gspotential::field::Focus;
 use gspotential::gpu::Gpu;
 use gspotential::pipeline::prepare;
-use gspotential::render::Kernels;
+use gspotential::render::{Device, Kernels};
 use gspotential::report::{Cell, Column, Table};
 use gspotential::run::Seconds;
 use gspotential::scene::{LoadOptions, Scene};
@@ -103,7 +103,10 @@ fn trained(
     let cameras: Vec<Camera> = trained.cameras.iter().map(to_world).collect();
     let errors = PoseErrors::of(&cameras, truth, &scene.cloud, frame);
     let (mut psnr, mut ssim) = (0.0, 0.0);
-    let device = (&gpu, &kernels);
+    let device = Device {
+        gpu: &gpu,
+        kernels: &kernels,
+    };
     let options = EvalOptions::default();
     let frame = &prepared.frame;
     render_views(

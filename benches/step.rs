@@ -14,7 +14,7 @@ use gspotential::gpu::{Gpu, KernelTime, Profile};
 use gspotential::pipeline::prepare;
 use gspotential::render::Kernels;
 use gspotential::report::kernel_table;
-use gspotential::run::{Seconds, StepProfile};
+use gspotential::run::{Sample, Seconds, StepProfile};
 use gspotential::scene::LoadOptions;
 use gspotential::train::Trainer;
 
@@ -88,7 +88,12 @@ fn main() -> Result<()> {
         prepared.start.len(),
         scene.name
     );
-    let step = StepProfile::new(&kernels, (args.steps, args.steps), wall / n);
+    let sample = Sample {
+        timed: args.steps,
+        iterations: args.steps,
+        wall_s: wall / n,
+    };
+    let step = StepProfile::new(&kernels, sample);
     println!("\n{}", kernel_table(&step));
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! Presets, overlays and ranges of the config.
 
-use gspotential::config::{Config, PRESETS, reference};
+use gspotential::config::{Config, Difference, PRESETS, reference};
 use gspotential::error::{Error, ErrorKind};
 use serde_json::Value;
 
@@ -94,10 +94,8 @@ fn baseline_preset_differs_from_the_paper_only_in_views_and_coverage_rules() {
 /// What preset `of` has other than `over`.
 fn told(of: &str, over: &str) -> Vec<String> {
     let [of, over] = [of, over].map(|name| Config::preset(name).unwrap());
-    let differences = of.differences(&over).unwrap().into_iter();
-    differences
-        .map(|(key, value, _)| format!("{key}={value}"))
-        .collect()
+    let differences = of.differences(&over).unwrap();
+    differences.iter().map(Difference::setting).collect()
 }
 
 #[test]
@@ -167,10 +165,7 @@ fn ablation_presets_add_one_part_each_to_another() {
     let changed = |name: &str, from: &str| -> Vec<String> {
         let [config, from] = [name, from].map(|name| Config::preset(name).unwrap());
         let differences = config.differences(&from).unwrap();
-        let told = differences
-            .into_iter()
-            .map(|(key, a, _)| format!("{key}={a}"));
-        told.collect()
+        differences.iter().map(Difference::setting).collect()
     };
     let (prune, densify) = ("coverage.prune=true", "coverage.densify=true");
     for (name, from, expected) in [
@@ -453,7 +448,7 @@ fn changes_are_the_values_that_differ_from_the_preset() {
         config = config.set(setting).unwrap();
     }
     let changes = config.changes().unwrap();
-    let shown: Vec<String> = changes.iter().map(|(k, v)| format!("{k}={v}")).collect();
+    let shown: Vec<String> = changes.iter().map(Difference::setting).collect();
     assert_eq!(
         shown,
         ["iterations=500", "scene.max_points=90", "views.count=8"]

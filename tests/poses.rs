@@ -1,7 +1,7 @@
 //! Training poses that are off are refined with the Gaussians; without the switch nothing moves.
 
 use gspotential::camera::json::read_cameras;
-use gspotential::camera::{Camera, Frame};
+use gspotential::camera::{Camera, Frame, Motion};
 use gspotential::config::Config;
 use gspotential::error::Result;
 use gspotential::eval::PoseErrors;
@@ -178,7 +178,7 @@ fn a_run_with_refined_poses_writes_them_and_is_measured_in_its_frame() {
     assert_eq!(changes.len(), scene.train.len());
     for (change, view) in changes.iter().zip(&scene.train) {
         let mut own = written.iter().filter(|c| c.name == view.camera.name);
-        let (turn, shift) = own.next().expect("there").difference(&view.camera);
+        let Motion { turn, shift } = own.next().expect("there").difference(&view.camera);
         assert!(own.next().is_none() && change.view == view.camera.name);
         assert!(turn > 1e-4 && (turn.to_degrees() - change.turn_deg).abs() < 1e-4);
         assert!((shift / frame.radius - change.shift).abs() < 1e-6);

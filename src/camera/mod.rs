@@ -36,6 +36,15 @@ pub struct Camera {
     pub translation: DVec3,
 }
 
+/// The distance between two poses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// Angle between the orientations, radians.
+    pub turn: f64,
+    /// Distance between the optical centres.
+    pub shift: f64,
+}
+
 impl Camera {
     /// Returns the optical centre in the world, `o = -R^T t`.
     pub fn center(&self) -> DVec3 {
@@ -65,11 +74,13 @@ impl Camera {
         (pixel, q.z)
     }
 
-    /// Returns the angle between the orientations of two cameras, radians, and the distance between
-    /// their centres, world units.
-    pub fn difference(&self, other: &Camera) -> (f64, f64) {
+    /// Returns how far the pose is from another camera's.
+    pub fn difference(&self, other: &Camera) -> Motion {
         let [a, b] = [self, other].map(|camera| DQuat::from_mat3(&camera.rotation));
-        (a.angle_between(b), self.center().distance(other.center()))
+        Motion {
+            turn: a.angle_between(b),
+            shift: self.center().distance(other.center()),
+        }
     }
 
     /// Returns a camera at `eye` that looks at `target` with `up` (world, any length) upwards in

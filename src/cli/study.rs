@@ -8,7 +8,7 @@ use super::measure::MeasureArgs;
 use crate::error::Result;
 use crate::report::{Column, Table};
 use crate::scene::SceneSource;
-use crate::study::{self, Options, State, StudyName};
+use crate::study::{self, Listed, Options, State, StudyName};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -95,19 +95,19 @@ impl StudyArgs {
     }
 }
 
-fn listed(runs: Vec<(String, State)>) -> String {
+fn listed(runs: Vec<Listed>) -> String {
     let columns = [
         Column::text("run", "run"),
         Column::quantity("state", "state"),
     ];
     let mut table = Table::new("runs", &columns);
-    for (name, state) in runs {
+    for Listed { run, state } in runs {
         let state = match state {
             State::ToTrain => "to train",
             State::ToMeasure => "to measure",
             State::Done => "done",
         };
-        table.row([name.into(), state.into()]);
+        table.row([run.into(), state.into()]);
     }
     table.to_string()
 }

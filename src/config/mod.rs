@@ -11,6 +11,6 @@ mod schema;
 mod validate;
 
 pub use declare::{Allowed, Interval, Rule};
-pub use overlay::PRESETS;
+pub use overlay::{Difference, PRESETS};
 pub use reference::{Key, keys, reference, summary};
 pub use schema::*;

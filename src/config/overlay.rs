@@ -55,6 +55,24 @@ pub const PRESETS: &[(&str, &str)] = &[
     ),
 ];
 
+/// A key whose value differs between two configs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Difference {
+    /// As `--set` takes it, `section.name`.
+    pub key: String,
+    /// Its value in the config that was asked.
+    pub here: Value,
+    /// Its value in the other config.
+    pub there: Value,
+}
+
+impl Difference {
+    /// Returns `key=value` with the value of the config that was asked, as `--set` takes it.
+    pub fn setting(&self) -> String {
+        format!("{}={}", self.key, self.here)
+    }
+}
+
 impl Config {
     /// Returns the preset of this name; a usage error lists those that exist.
     pub fn preset(name: &str) -> Result<Config> {
@@ -137,29 +155,29 @@ impl Config {
         Ok(config)
     }
 
-    /// Returns every value in which this config differs from another, the preset's name aside: its
-    /// key, the value here and there.
+    /// Returns every value in which this config differs from another, the preset's name aside.
     ///
     /// # Errors
     /// A config that cannot be written.
-    pub fn differences(&self, from: &Config) -> Result<Vec<(String, Value, Value)>> {
+    pub fn differences(&self, from: &Config) -> Result<Vec<Difference>> {
         let (here, there) = (self.tree()?, from.tree()?);
         let mut keys = Vec::new();
         list_keys(&here, "", &mut keys);
         let value = |tree: &Value, key: &str| tree.pointer(&pointer(key)).cloned();
         let values = keys.into_iter().filter_map(|key| {
-            let (a, b) = (value(&here, &key)?, value(&there, &key)?);
-            (a != b && !a.is_object() && key != "preset").then_some((key, a, b))
+            let (here, there) = (value(&here, &key)?, value(&there, &key)?);
+            let differs = here != there && !here.is_object() && key != "preset";
+            differs.then_some(Difference { key, here, there })
         });
         Ok(values.collect())
     }
 
-    /// Returns the values that differ from the preset's, by dotted key in the order of the keys;
-    /// the seed is none of them.
-    pub fn changes(&self) -> Result<Vec<(String, Value)>> {
-        let differences = self.differences(&Config::preset(&self.preset)?)?;
-        let changes = differences.into_iter().map(|(key, value, _)| (key, value));
-        Ok(changes.filter(|(key, _)| key != "seed").collect())
+    /// Returns the values that differ from the preset's, in the order of the keys; the seed is none of
+    /// them.
+    pub fn changes(&self) -> Result<Vec<Difference>> {
+        let mut changes = self.differences(&Config::preset(&self.preset)?)?;
+        changes.retain(|change| change.key != "seed");
+        Ok(changes)
     }
 
     fn deserialize_at(tree: &Value, key: &str, shown: &str) -> Result<Config> {

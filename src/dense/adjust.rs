@@ -62,6 +62,22 @@ struct State {
     scale_log: f64,
 }
 
+/// A view and where it is held to be.
+#[derive(Clone, Copy)]
+struct Moved<'a> {
+    view: usize,
+    state: &'a State,
+}
+
+impl<'a> Moved<'a> {
+    fn of(view: usize, states: &'a [State]) -> Moved<'a> {
+        Moved {
+            view,
+            state: &states[view],
+        }
+    }
+}
+
 impl State {
     fn moved(&self, step: [f64; PARAMETERS], unit: f64) -> State {
         let [a, b, c, x, y, z, scale] = step;
@@ -185,18 +201,19 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
-    /// Returns depth and brightness of a sample of view `i` against view `j`, in units of their
-    /// sizes; none where `j` does not see it.
+    /// Returns depth and brightness of a sample of view `from` against view `to`, in units of their
+    /// sizes; `None` if `to` does not see it.
     fn residuals(
         &self,
-        (i, from): (usize, &State),
-        (j, to): (usize, &State),
+        from: Moved<'_>,
+        to: Moved<'_>,
         (x, y): (usize, usize),
     ) -> Option<[f64; 2]> {
+        let (i, j) = (from.view, to.view);
         let map = &self.maps[i];
-        let depth = map.at(x, y)? * from.scale_log.exp();
-        let moved = DepthMap::point_of(&from.camera, x, y, depth);
-        let (place, z) = to.camera.project(moved);
+        let depth = map.at(x, y)? * from.state.scale_log.exp();
+        let moved = DepthMap::point_of(&from.state.camera, x, y, depth);
+        let (place, z) = to.state.camera.project(moved);
         if z <= 0.0 {
             return None;
         }
@@ -204,7 +221,7 @@ impl<'a> Problem<'a> {
         let brightness = self.lumas[j].at(place)?
             - self.lumas[i].at(DVec2::new(x as f64 + 0.5, y as f64 + 0.5))?;
         Some([
-            (z.ln() - seen.ln() - to.scale_log) / self.depth_size,
+            (z.ln() - seen.ln() - to.state.scale_log) / self.depth_size,
             brightness / BRIGHTNESS_SIZE,
         ])
     }
@@ -213,7 +230,7 @@ impl<'a> Problem<'a> {
     fn residual(&self, states: &[State]) -> f64 {
         let sums = self.pairs().into_par_iter().map(|(i, j)| {
             let costs = self.samples[i].iter().map(|sample| {
-                match self.residuals((i, &states[i]), (j, &states[j]), *sample) {
+                match self.residuals(Moved::of(i, states), Moved::of(j, states), *sample) {
                     Some(residuals) => residuals.iter().map(|r| r * r / (1.0 + r * r)).sum::<f64>(),
                     None => 2.0,
                 }
@@ -318,7 +335,16 @@ impl<'a> Problem<'a> {
         let mut curvature = [[0.0; 2 * PARAMETERS]; 2 * PARAMETERS];
         let mut slope = [0.0; 2 * PARAMETERS];
         for sample in &self.samples[i] {
-            let at = |from: &State, to: &State| self.residuals((i, from), (j, to), *sample);
+            let at = |from: &State, to: &State| {
+                let (from, to) = (
+                    Moved {
+                        view: i,
+                        state: from,
+                    },
+                    Moved { view: j, state: to },
+                );
+                self.residuals(from, to, *sample)
+            };
             let Some(base) = at(&states[i], &states[j]) else {
                 continue;
             };

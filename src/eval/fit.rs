@@ -7,8 +7,8 @@ use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
 use crate::gpu::{Commands, Gpu};
 use crate::render::{
-    Bound, Capacity, Kernels, LossUniform, Model, Pass, PassStep, PoseGradient, PoseKernels,
-    ViewUniform, Workspace, first_pairs, read_totals, until_it_fits,
+    Bound, Capacity, Device, Kernels, LossUniform, Model, Pass, PassStep, PoseGradient,
+    PoseKernels, ViewUniform, Workspace, first_pairs, read_totals, until_it_fits,
 };
 use crate::scene::View;
 use crate::terminal::progress::Progress;
@@ -29,7 +29,7 @@ const RATE_LEFT: f64 = 0.01;
 /// # Errors
 /// A view that the adapter cannot hold, or a GPU fault.
 pub fn fit_poses(
-    (gpu, kernels): (&Gpu, &Kernels),
+    Device { gpu, kernels }: Device<'_>,
     gaussians: &Gaussians,
     frame: &Frame,
     views: &[View],

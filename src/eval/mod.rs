@@ -13,12 +13,11 @@ use crate::cloud::splat::{SplatImage, splat_views};
 use crate::config::{Config, Footprint, ModelConfig, SplatConfig};
 use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
-use crate::gpu::Gpu;
 use crate::metrics::{self, FloatImage, Lpips, Pixels};
 use crate::metrics::{
     CoveredScore, LpipsRecord, MaskedScore, PointSplatScore, Renders, ViewScore, mean,
 };
-use crate::render::{Kernels, Model, Rendered, Renderer, ViewUniform};
+use crate::render::{Device, Model, Rendered, Renderer, ViewUniform};
 use crate::scene::{Image, PointCloud, PoseProtocol, View};
 use crate::terminal::progress::Progress;
 
@@ -84,7 +83,7 @@ impl EvalOptions {
 /// # Errors
 /// A view that the adapter cannot hold, a GPU fault, or what `look` returns.
 pub fn render_views(
-    (gpu, kernels): (&Gpu, &Kernels),
+    Device { gpu, kernels }: Device<'_>,
     gaussians: &Gaussians,
     frame: &Frame,
     views: &[View],

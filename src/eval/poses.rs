@@ -1,6 +1,6 @@
 //! This module measures errors of poses when the true ones are known.
 
-use crate::camera::{Camera, Frame};
+use crate::camera::{Camera, Frame, Motion};
 use crate::scene::PointCloud;
 
 /// Means over cameras of one frame.
@@ -27,7 +27,7 @@ impl PoseErrors {
         let n = truth.len() as f64;
         let mut sums = [0.0; 3];
         for (camera, truth) in cameras.iter().zip(truth) {
-            let (turn, shift) = camera.difference(truth);
+            let Motion { turn, shift } = camera.difference(truth);
             sums[0] += turn.to_degrees();
             sums[1] += shift / frame.radius;
             sums[2] += pixels_apart(camera, truth, cloud);

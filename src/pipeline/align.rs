@@ -6,8 +6,7 @@ use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::eval::{Alignment, fit_poses};
 use crate::gaussians::Gaussians;
-use crate::gpu::Gpu;
-use crate::render::Kernels;
+use crate::render::Device;
 use crate::run::RunDir;
 use crate::scene::{Scene, View};
 
@@ -39,7 +38,7 @@ pub(super) fn by_similarity(run: &RunDir, scene: &Scene, frame: &Frame) -> Resul
 
 /// Fits the poses of aligned views where `align` asks for it.
 pub(super) fn fitted(
-    device: (&Gpu, &Kernels),
+    device: Device<'_>,
     gaussians: &Gaussians,
     config: &Config,
     align: Alignment,

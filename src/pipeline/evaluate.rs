@@ -11,7 +11,7 @@ use super::{TrainJob, focus_of};
 use crate::error::{Error, Result};
 use crate::eval::{Alignment, EvalOptions};
 use crate::gpu::Gpu;
-use crate::render::Kernels;
+use crate::render::{Device, Kernels};
 use crate::report::{SceneRuns, write_comparison, write_run_page};
 use crate::run::{Evaluation, RunDir, SceneRecord};
 use crate::scene::PoseProtocol;
@@ -100,7 +100,10 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
     };
     let gpu = Gpu::open()?;
     let kernels = Kernels::new(&gpu);
-    let device = (&gpu, &kernels);
+    let device = Device {
+        gpu: &gpu,
+        kernels: &kernels,
+    };
     let aligned = match options.align {
         Alignment::Shared => None,
         _ => Some(align::by_similarity(run, &scene, &frame)?),

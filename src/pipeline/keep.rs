@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use super::Prepared;
-use crate::config::Config;
+use crate::config::{Config, Difference};
 use crate::error::{Error, ErrorKind, Result};
 use crate::gpu::Gpu;
 use crate::run::{CurvePoint, Found, RunDir, Stop};
@@ -57,7 +57,7 @@ impl Identity {
     fn admit(&self, kept: &Identity) -> Result<Option<String>> {
         let keys = self.config.differences(&kept.config)?.into_iter();
         let keys: Vec<String> = keys
-            .map(|(key, now, then)| format!("`{key}` is {now}, was {then}"))
+            .map(|Difference { key, here, there }| format!("`{key}` is {here}, was {there}"))
             .collect();
         refuse("config.json is not what it was", &keys)?;
         let names = self.scene.keys().chain(kept.scene.keys());

@@ -8,9 +8,8 @@ use crate::eval::{self, EvalOptions};
 use crate::files::digest::sha256;
 use crate::files::read_file;
 use crate::gaussians::ply::read_ply;
-use crate::gpu::Gpu;
 use crate::metrics::quantize;
-use crate::render::Kernels;
+use crate::render::Device;
 use crate::report::{ContactSheet, write_png};
 use crate::run::{Evaluation, Measured, RunDir, file_names};
 use crate::scene::{PointCloud, PoseProtocol, View};
@@ -49,7 +48,7 @@ pub(super) struct Subject<'a> {
 
 /// Measures the model of a run and the bare splat of the cloud at the scene's test views and writes
 /// what it finds.
-pub(super) fn measure(device: (&Gpu, &Kernels), subject: Subject<'_>) -> Result<Evaluation> {
+pub(super) fn measure(device: Device<'_>, subject: Subject<'_>) -> Result<Evaluation> {
     let Subject {
         run,
         config,

@@ -4,8 +4,8 @@ use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 
 use super::focus_of;
-use crate::camera::Camera;
 use crate::camera::json::read_cameras;
+use crate::camera::{Camera, Motion};
 use crate::error::{Error, Result};
 use crate::run::{Metrics, RunDir};
 use crate::scene::{Scene, View};
@@ -71,7 +71,7 @@ pub(super) fn check_same(run: &RunDir, metrics: &Metrics, scene: &Scene) -> Resu
             return Err(differs(format!("view `{name}` has another lens")));
         }
         let is_refined = metrics.refined_poses.iter().any(|p| p.view == now.name);
-        let (turn, shift) = now.difference(then);
+        let Motion { turn, shift } = now.difference(then);
         let is_there = turn <= TURN_RAD && shift <= SHIFT * frame.radius;
         if !is_refined && !is_there {
             return Err(differs(format!("view `{name}` is taken from elsewhere")));

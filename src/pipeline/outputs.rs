@@ -2,7 +2,7 @@
 //! records of poses and of the model's size.
 
 use super::cameras;
-use crate::camera::Camera;
+use crate::camera::{Camera, Motion};
 use crate::error::Result;
 use crate::report::{ContactSheet, mask_image, write_png};
 use crate::run::{ModelSize, PoseChange, RunDir};
@@ -25,7 +25,7 @@ pub(super) fn all_cameras(
 /// Returns how far refined `cameras` are from those that the views came with, and logs the means.
 pub(super) fn pose_changes(cameras: &[Camera], before: &[TrainingView]) -> Vec<PoseChange> {
     let change = |(after, before): (&Camera, &TrainingView)| {
-        let (turn, shift) = after.difference(&before.camera);
+        let Motion { turn, shift } = after.difference(&before.camera);
         PoseChange {
             view: after.name.clone(),
             turn_deg: turn.to_degrees(),

@@ -63,7 +63,7 @@ impl Default for PriorOptions {
 pub fn scene_of_photographs(paths: &[PathBuf], options: &PriorOptions, out: &Path) -> Result<()> {
     check_empty(out)?;
     let files = find_photographs(paths)?;
-    let (weights, model) = weights(options)?;
+    let weights = Weights::of(options)?;
     let mut prepared = Vec::new();
     let mut facts = Vec::new();
     for file in &files {
@@ -86,7 +86,7 @@ pub fn scene_of_photographs(paths: &[PathBuf], options: &PriorOptions, out: &Pat
         true => Outputs::DepthAndRays,
         false => Outputs::Depth,
     };
-    let prediction = predict((weights, &model, outputs), &images, None)?;
+    let prediction = weights.predict(outputs, &images, None)?;
     let (width, height) = (images.width as u32, images.height as u32);
     let mut maps = Vec::new();
     let mut n_focal = 0;
@@ -121,7 +121,7 @@ pub fn scene_of_photographs(paths: &[PathBuf], options: &PriorOptions, out: &Pat
     if options.adjust {
         maps = adjusted(maps);
     }
-    let (cloud, views) = cloud_of(&maps, options)?;
+    let SourcedCloud { cloud, views } = SourcedCloud::of(&maps, options)?;
     let cameras = maps.iter().enumerate();
     let cameras: Vec<Camera> = cameras
         .map(|(i, map)| images.camera_of_photograph(i, &map.camera))
@@ -150,7 +150,7 @@ pub fn cloud_of_scene(
     options: &PriorOptions,
     out: &Path,
 ) -> Result<()> {
-    let (weights, model) = weights(options)?;
+    let weights = Weights::of(options)?;
     let scene = super::load_scene(source, load)?;
     for warning in &scene.warnings {
         log::warn!("{warning}");
@@ -167,7 +167,7 @@ pub fn cloud_of_scene(
         .enumerate()
         .map(|(i, view)| images.camera_of_image(i, &view.camera))
         .collect();
-    let prediction = predict((weights, &model, Outputs::Depth), &images, Some(&known))?;
+    let prediction = weights.predict(Outputs::Depth, &images, Some(&known))?;
     let found: Vec<Camera> = prediction
         .views
         .iter()
@@ -192,62 +192,71 @@ pub fn cloud_of_scene(
             .iter_mut()
             .for_each(|depth| *depth *= scale as f32);
     }
-    let (cloud, views) = cloud_of(&maps, options)?;
+    let SourcedCloud { cloud, views } = SourcedCloud::of(&maps, options)?;
     let names: Vec<&str> = known.iter().map(|camera| camera.name.as_str()).collect();
     write_cloud(out, &cloud, &views, &names)?;
     log::info!("wrote {} points to {}", cloud.len(), out.display());
     Ok(())
 }
 
-/// Returns the file of weights, once it is known to be there, and the model in it.
-fn weights(options: &PriorOptions) -> Result<(&Path, Model)> {
-    let path = options.weights.as_deref().ok_or_else(|| {
-        Error::usage("no weights are given")
-            .way_out(format!("{DOWNLOAD}, and name it with --weights"))
-    })?;
-    let model = prior::check(path)?;
-    if let Some(notice) = model.licence_notice() {
-        log::warn!("{}: {notice}", model.name());
-    }
-    Ok((path, model))
+/// A file of weights, which is there, and the model in it.
+struct Weights<'a> {
+    path: &'a Path,
+    model: Model,
 }
 
-fn predict(
-    (weights, model, outputs): (&Path, &Model, Outputs),
-    images: &Images,
-    known: Option<&[Camera]>,
-) -> Result<Prediction> {
-    let n_views = images.n_views;
-    let size = (images.width as u32, images.height as u32);
-    let memory = prior::memory(model, n_views, size, rayon::current_num_threads());
-    let mb = |bytes: u64| bytes.div_ceil(1 << 20);
-    log::info!(
-        "{}: {n_views} views of {}x{} take about {} MiB: {} for the weights, {} for the views",
-        model.name(),
-        size.0,
-        size.1,
-        mb(memory.total()),
-        mb(memory.weights),
-        mb(memory.activations)
-    );
-    if n_views > MANY_VIEWS {
-        log::warn!(
-            "{n_views} photographs are more than the network saw at once in training \
-             ({MANY_VIEWS}): cameras may be worse, and time grows with the square of their number"
-        );
-    }
-    let network = Network::read(weights, outputs)?;
-    let n_steps = (model.n_blocks + n_views) as u32;
-    let mut progress = Progress::stage("depth and cameras", n_steps);
-    let mut done = 0;
-    let prediction = network.predict(images, known, &mut |stage, _| {
-        if stage.starts_with("block_") || stage == "depth" {
-            done += 1;
-            progress.advance(done);
+impl Weights<'_> {
+    fn of(options: &PriorOptions) -> Result<Weights<'_>> {
+        let path = options.weights.as_deref().ok_or_else(|| {
+            Error::usage("no weights are given")
+                .way_out(format!("{DOWNLOAD}, and name it with --weights"))
+        })?;
+        let model = prior::check(path)?;
+        if let Some(notice) = model.licence_notice() {
+            log::warn!("{}: {notice}", model.name());
         }
-    });
-    progress.finish();
-    Ok(prediction)
+        Ok(Weights { path, model })
+    }
+
+    fn predict(
+        &self,
+        outputs: Outputs,
+        images: &Images,
+        known: Option<&[Camera]>,
+    ) -> Result<Prediction> {
+        let model = &self.model;
+        let n_views = images.n_views;
+        let size = (images.width as u32, images.height as u32);
+        let memory = prior::memory(model, n_views, size, rayon::current_num_threads());
+        let mb = |bytes: u64| bytes.div_ceil(1 << 20);
+        log::info!(
+            "{}: {n_views} views of {}x{} take about {} MiB: {} for the weights, {} for the views",
+            model.name(),
+            size.0,
+            size.1,
+            mb(memory.total()),
+            mb(memory.weights),
+            mb(memory.activations)
+        );
+        if n_views > MANY_VIEWS {
+            log::warn!(
+                "{n_views} photographs are more than the network saw at once in training \
+             ({MANY_VIEWS}): cameras may be worse, and time grows with the square of their number"
+            );
+        }
+        let network = Network::read(self.path, outputs)?;
+        let n_steps = (model.n_blocks + n_views) as u32;
+        let mut progress = Progress::stage("depth and cameras", n_steps);
+        let mut done = 0;
+        let prediction = network.predict(images, known, &mut |stage, _| {
+            if stage.starts_with("block_") || stage == "depth" {
+                done += 1;
+                progress.advance(done);
+            }
+        });
+        progress.finish();
+        Ok(prediction)
+    }
 }
 
 fn map(images: &Images, prediction: &Prediction, view: usize, camera: Camera) -> DepthMap {
@@ -287,7 +296,7 @@ fn adjusted(maps: Vec<DepthMap>) -> Vec<DepthMap> {
         .zip(&adjusted.maps)
         .map(|(a, b)| a.camera.difference(&b.camera));
     let most = differences
-        .map(|(angle, _)| angle.to_degrees())
+        .map(|motion| motion.turn.to_degrees())
         .fold(0.0, f64::max);
     log::info!(
         "cameras refined, by {most:.2} degrees at most: views disagree by {after:.3}, before by \
@@ -296,57 +305,70 @@ fn adjusted(maps: Vec<DepthMap>) -> Vec<DepthMap> {
     adjusted.maps
 }
 
-/// Makes the cloud and thins it; returns it with the view of each point.
-fn cloud_of(maps: &[DepthMap], options: &PriorOptions) -> Result<(PointCloud, Vec<u32>)> {
-    let made = dense::cloud(
-        maps,
-        CloudOptions {
-            share: options.share,
-        },
-    );
-    let n_pixels: usize = maps.iter().map(|map| map.depth.len()).sum();
-    log::info!(
-        "{} of {n_pixels} pixels become points: {} are unsure, {} at edges, {} denied by another view",
-        made.points.len(),
-        made.n_unsure,
-        made.n_edges,
-        made.n_denied
-    );
-    if made.points.is_empty() {
-        return Err(Error::new("no pixel of any view becomes a point").way_out(
-            "the views contradict one another: give photographs of one scene that overlap",
-        ));
-    }
-    Ok(thin_with_views(
-        &made.points,
-        &made.views,
-        options.max_points,
-    ))
+/// A cloud whose points know the view that they came from.
+struct SourcedCloud {
+    cloud: PointCloud,
+    /// The view of each point.
+    views: Vec<u32>,
 }
 
-/// Does what [`thin`] does for a cloud whose points know their view.
-fn thin_with_views(points: &PointCloud, views: &[u32], n: usize) -> (PointCloud, Vec<u32>) {
-    // Which points are left is told by what stands in place of their confidence: their number.
-    let numbered = PointCloud {
-        confidence: Some(
-            (0..points.len())
-                .map(|i| f32::from_bits(i as u32))
-                .collect(),
-        ),
-        ..points.clone()
-    };
-    let mut thinned = thin(&numbered, n, 0);
-    let chosen: Vec<usize> = thinned
-        .confidence
-        .iter()
-        .flatten()
-        .map(|bits| bits.to_bits() as usize)
-        .collect();
-    thinned.confidence = points
-        .confidence
-        .as_ref()
-        .map(|confidence| chosen.iter().map(|i| confidence[*i]).collect());
-    (thinned, chosen.iter().map(|i| views[*i]).collect())
+impl SourcedCloud {
+    /// Makes the cloud of the maps and thins it.
+    fn of(maps: &[DepthMap], options: &PriorOptions) -> Result<SourcedCloud> {
+        let made = dense::cloud(
+            maps,
+            CloudOptions {
+                share: options.share,
+            },
+        );
+        let n_pixels: usize = maps.iter().map(|map| map.depth.len()).sum();
+        log::info!(
+            "{} of {n_pixels} pixels become points: {} are unsure, {} at edges, {} denied by another view",
+            made.points.len(),
+            made.n_unsure,
+            made.n_edges,
+            made.n_denied
+        );
+        if made.points.is_empty() {
+            return Err(Error::new("no pixel of any view becomes a point").way_out(
+                "the views contradict one another: give photographs of one scene that overlap",
+            ));
+        }
+        let all = SourcedCloud {
+            cloud: made.points,
+            views: made.views,
+        };
+        Ok(all.thinned(options.max_points))
+    }
+
+    /// Thins the cloud to `n` points, as [`thin`] does.
+    fn thinned(&self, n: usize) -> SourcedCloud {
+        let points = &self.cloud;
+        // Which points are left is told by what stands in place of their confidence: their number.
+        let numbered = PointCloud {
+            confidence: Some(
+                (0..points.len())
+                    .map(|i| f32::from_bits(i as u32))
+                    .collect(),
+            ),
+            ..points.clone()
+        };
+        let mut thinned = thin(&numbered, n, 0);
+        let chosen: Vec<usize> = thinned
+            .confidence
+            .iter()
+            .flatten()
+            .map(|bits| bits.to_bits() as usize)
+            .collect();
+        thinned.confidence = points
+            .confidence
+            .as_ref()
+            .map(|confidence| chosen.iter().map(|i| confidence[*i]).collect());
+        SourcedCloud {
+            cloud: thinned,
+            views: chosen.iter().map(|i| self.views[*i]).collect(),
+        }
+    }
 }
 
 /// Copies a photograph as it is, or as a PNG that is turned upright: it keeps its name, whatever

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use crate::error::Result;
 use crate::gpu::{Gpu, KernelTime, Profile};
-use crate::run::StepProfile;
+use crate::run::{Sample, StepProfile};
 
 /// Iterations between two that are timed: waiting for one in so many costs next to nothing.
 const INTERVAL: u32 = 50;
@@ -79,6 +79,11 @@ impl Sampler {
     pub(super) fn finish(&self, train_s: f64) -> StepProfile {
         let iterations = self.iterations - self.before;
         let wall_s = train_s / f64::from(iterations.max(1));
-        StepProfile::new(&self.times, (self.timed, iterations), wall_s)
+        let sample = Sample {
+            timed: self.timed,
+            iterations,
+            wall_s,
+        };
+        StepProfile::new(&self.times, sample)
     }
 }

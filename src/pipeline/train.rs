@@ -18,7 +18,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::eval::EvalOptions;
 use crate::gaussians::ply::write_ply;
 use crate::gpu::Gpu;
-use crate::render::{Kernels, Renderer, most_gaussians};
+use crate::render::{Device, Kernels, Renderer, most_gaussians};
 use crate::report::write_run_page;
 use crate::run::{
     Evaluation, JobRecord, Memory, Metrics, PoseChange, RunDir, RunProfile, SceneRecord, Seconds,
@@ -167,7 +167,10 @@ impl Task<'_> {
         let refined_poses = self.write_refined(&cameras)?;
         seconds.write = Some(clock.lap());
         let (config, frame) = (&job.config, &prepared.frame);
-        let device = (gpu, &kernels);
+        let device = Device {
+            gpu,
+            kernels: &kernels,
+        };
         let subject = Subject {
             run,
             config,

@@ -5,6 +5,15 @@ use super::workspace::Workspace;
 use crate::gpu::shader::{self, Sources};
 use crate::gpu::{Buffer, Gpu, Kernel, Stage, by_degree};
 
+/// An adapter and the kernels that were made for it.
+#[derive(Clone, Copy)]
+pub struct Device<'a> {
+    /// The adapter.
+    pub gpu: &'a Gpu,
+    /// Its kernels.
+    pub kernels: &'a Kernels,
+}
+
 /// Every kernel that renders, compares and differentiates a view.
 pub struct Kernels {
     /// By active SH degree.

@@ -22,7 +22,7 @@ mod workspace;
 
 pub use buffers::WorkspaceBytes;
 pub use capacity::{Capacity, first_pairs, most_pairs};
-pub use kernels::{Bound, Kernels};
+pub use kernels::{Bound, Device, Kernels};
 pub use model::{BLOCK_PLANES, Model, block_bytes, model_bytes, most_gaussians, n_blocks};
 pub use pass::{Pass, PassStep};
 pub use pose::{PoseGradient, PoseKernels};

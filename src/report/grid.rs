@@ -25,7 +25,7 @@ const INK: [u8; 3] = [0; 3];
 const BOX_COLOR: [u8; 3] = [240, 228, 66];
 const BOX_LINE: u32 = 2;
 
-/// A part of a picture, pixels.
+/// A part of a picture or page, pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Window {
     /// Its left column, from 0.
@@ -161,30 +161,36 @@ pub fn method_grid(methods: &[String], rows: &[GridRow]) -> Result<Image> {
                 .map(|(image, text)| (image, text.as_str())),
         );
         for (i, (picture, text)) in pictures.enumerate() {
-            let upper = (left(i), top + STRIP);
-            let lower = (left(i), upper.1 + cell.1 + STRIP);
+            let upper = Window {
+                x: left(i),
+                y: top + STRIP,
+                width: cell.0,
+                height: cell.1,
+            };
+            let lower = Window {
+                y: upper.y + cell.1 + STRIP,
+                ..upper
+            };
             let whole = Window {
                 x: 0,
                 y: 0,
                 width: picture.width,
                 height: picture.height,
             };
-            paste(&mut page, picture, whole, (upper, cell))?;
-            paste(&mut page, picture, window, (lower, cell))?;
+            paste(&mut page, picture, whole, upper)?;
+            paste(&mut page, picture, window, lower)?;
             let scaled = |at: u32, cell: u32, side: u32| {
                 (u64::from(at) * u64::from(cell) / u64::from(side)) as u32
             };
-            let corner = (
-                upper.0 + scaled(window.x, cell.0, whole.width),
-                upper.1 + scaled(window.y, cell.1, whole.height),
-            );
-            let size = (
-                scaled(window.width, cell.0, whole.width),
-                scaled(window.height, cell.1, whole.height),
-            );
-            frame(&mut page, corner, size);
-            frame(&mut page, lower, cell);
-            let beneath = (left(i), upper.1 + cell.1 + GAP / 2);
+            let boxed = Window {
+                x: upper.x + scaled(window.x, cell.0, whole.width),
+                y: upper.y + scaled(window.y, cell.1, whole.height),
+                width: scaled(window.width, cell.0, whole.width),
+                height: scaled(window.height, cell.1, whole.height),
+            };
+            frame(&mut page, boxed);
+            frame(&mut page, lower);
+            let beneath = (left(i), upper.y + cell.1 + GAP / 2);
             centered(&mut page, text, beneath, column - GAP);
         }
         top += row_height(&cell);
@@ -211,12 +217,7 @@ fn cell_size(picture: &Image) -> Result<(u32, u32)> {
 }
 
 /// Scales a part of a picture to a place on the page: pixels stay sharp where it is enlarged.
-fn paste(
-    page: &mut Image,
-    picture: &Image,
-    part: Window,
-    ((left, top), (width, height)): ((u32, u32), (u32, u32)),
-) -> Result<()> {
+fn paste(page: &mut Image, picture: &Image, part: Window, place: Window) -> Result<()> {
     let stride = 3 * picture.width as usize;
     let (from, to) = (3 * part.x as usize, 3 * (part.x + part.width) as usize);
     let rows = picture.rgb.chunks_exact(stride).skip(part.y as usize);
@@ -225,13 +226,13 @@ fn paste(
     let Some(cut) = ImageBuffer::<Rgb<u8>, Vec<u8>>::from_raw(part.width, part.height, cut) else {
         return Err(Error::new("a picture lacks pixels"));
     };
-    let filter = match width < part.width {
+    let filter = match place.width < part.width {
         true => FilterType::Triangle,
         false => FilterType::Nearest,
     };
-    let scaled = resize(&cut, width, height, filter);
+    let scaled = resize(&cut, place.width, place.height, filter);
     for (y, row) in scaled.rows().enumerate() {
-        let start = 3 * ((top as usize + y) * page.width as usize + left as usize);
+        let start = 3 * ((place.y as usize + y) * page.width as usize + place.x as usize);
         for (at, pixel) in (start..).step_by(3).zip(row) {
             page.rgb[at..at + 3].copy_from_slice(&pixel.0);
         }
@@ -240,13 +241,13 @@ fn paste(
 }
 
 /// Draws a box just inside a rectangle, its rim outside of the line and inside.
-fn frame(page: &mut Image, (x, y): (u32, u32), (width, height): (u32, u32)) {
+fn frame(page: &mut Image, place: Window) {
     let mut outline = |inset: u32, line: u32, color: [u8; 3]| {
         let size = (
-            width.saturating_sub(2 * inset),
-            height.saturating_sub(2 * inset),
+            place.width.saturating_sub(2 * inset),
+            place.height.saturating_sub(2 * inset),
         );
-        let (left, top) = (x + inset, y + inset);
+        let (left, top) = (place.x + inset, place.y + inset);
         let (across, down) = ((size.0, line.min(size.1)), (line.min(size.0), size.1));
         fill(page, (left, top), across, color);
         fill(page, (left, top + size.1 - across.1), across, color);

@@ -25,7 +25,7 @@ mod stop;
 pub use checkpoints::{Checkpoints, Found};
 pub use evaluation::{Evaluation, Measured};
 pub use names::file_names;
-pub use profile::{KernelProfile, RunProfile, StepProfile};
+pub use profile::{KernelProfile, RunProfile, Sample, StepProfile};
 pub use record::{
     CurvePoint, JobRecord, Memory, Metrics, ModelSize, PoseChange, SceneRecord, Seconds,
 };

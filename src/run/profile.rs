@@ -42,13 +42,25 @@ pub struct KernelProfile {
     pub dispatches: f64,
 }
 
+/// The iterations of a run that were timed.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// Number of timed iterations.
+    pub timed: u32,
+    /// Number of iterations.
+    pub iterations: u32,
+    /// Mean wall-clock seconds of an iteration.
+    pub wall_s: f64,
+}
+
 impl StepProfile {
-    /// Makes the means; `times` are sums over the `timed` ones of `iterations` iterations.
-    pub fn new(
-        times: &BTreeMap<&'static str, KernelTime>,
-        (timed, iterations): (u32, u32),
-        wall_s: f64,
-    ) -> StepProfile {
+    /// `times` are sums over the timed iterations.
+    pub fn new(times: &BTreeMap<&'static str, KernelTime>, sample: Sample) -> StepProfile {
+        let Sample {
+            timed,
+            iterations,
+            wall_s,
+        } = sample;
         let n = f64::from(timed.max(1));
         let mut kernels: Vec<KernelProfile> = times
             .iter()

@@ -52,8 +52,11 @@ pub(super) fn decode(
 ) -> Result<Decoded> {
     let PosedImage { posed, path } = photograph;
     let here = |e: Error| e.at_path(path);
-    let (image, Fitted { mut camera, how }, is_turned) =
-        decode_bytes(&read_file(path)?, posed).map_err(here)?;
+    let Whole {
+        image,
+        fitted: Fitted { mut camera, how },
+        is_turned,
+    } = decode_bytes(&read_file(path)?, posed).map_err(here)?;
     let file = posed
         .mask
         .clone()
@@ -93,9 +96,17 @@ pub(super) fn decode(
     })
 }
 
-/// Decodes the photograph at full size; returns with it the camera of all of it, and whether its
-/// EXIF data would have it turned.
-fn decode_bytes(bytes: &[u8], posed: &PosedCamera) -> Result<(DynamicImage, Fitted, bool)> {
+/// A photograph at full size.
+struct Whole {
+    image: DynamicImage,
+    /// The camera of all of it.
+    fitted: Fitted,
+    /// Whether its EXIF data would have it turned.
+    is_turned: bool,
+}
+
+/// Decodes the photograph at full size.
+fn decode_bytes(bytes: &[u8], posed: &PosedCamera) -> Result<Whole> {
     let (mut decoder, (width, height)) = open_image(bytes)?;
     let camera = &posed.camera;
     let Some(fitted) = fitted(camera, (width, height)) else {
@@ -113,7 +124,11 @@ fn decode_bytes(bytes: &[u8], posed: &PosedCamera) -> Result<(DynamicImage, Fitt
     // Broken EXIF data ask for nothing.
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let is_turned = orientation != Orientation::NoTransforms;
-    Ok((decoded(bytes, decoder)?, fitted, is_turned))
+    Ok(Whole {
+        image: decoded(bytes, decoder)?,
+        fitted,
+        is_turned,
+    })
 }
 
 fn from_rgb(image: RgbImage) -> Image {

@@ -74,7 +74,21 @@ pub(super) fn check_relative(kind: &str, name: &str) -> Result<()> {
     )
 }
 
-/// Finds each camera's photograph in `dir` by name, as [`Folder::find`] does: a file that is some
+/// The poses that a format states.
+pub(super) struct Poses {
+    pub cameras: Vec<PosedCamera>,
+    /// By name, with what keeps each from being used.
+    pub unusable: Vec<(String, Error)>,
+}
+
+/// The folder of a scene and that of its photographs.
+#[derive(Clone, Copy)]
+pub(super) struct Folders<'a> {
+    pub scene: &'a Path,
+    pub images: &'a Path,
+}
+
+/// Finds each camera's photograph in its folder by name, as [`Folder::find`] does: a file that is some
 /// pose's by its own path is no other's, and one that two poses could mean is neither's. DUSt3R
 /// pipelines, for one, name every image with the first one's suffix. Poses and photographs without
 /// their counterpart are counted in `warnings`.
@@ -84,8 +98,8 @@ pub(super) fn check_relative(kind: &str, name: &str) -> Result<()> {
 /// No such folder, no photograph in it that has a pose, or a photograph whose camera is among the
 /// `unusable`.
 pub(super) fn match_images(
-    (cameras, unusable): (Vec<PosedCamera>, Vec<(String, Error)>),
-    (scene, dir): (&Path, &Path),
+    Poses { cameras, unusable }: Poses,
+    Folders { scene, images: dir }: Folders<'_>,
     warnings: &mut Vec<String>,
 ) -> Result<Matched> {
     std::fs::read_dir(dir).map_err(|e| {

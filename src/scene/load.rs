@@ -8,7 +8,7 @@ use super::cloud::{clean, random_like, read_cloud};
 use super::cut_out::keep_within_masks;
 use super::decoded::{decode_all, views};
 use super::formats::{self, confidence_of};
-use super::images::{PosedImage, match_images};
+use super::images::{Folders, PosedImage, Poses, match_images};
 use super::inverted::{are_inverted, turned};
 use super::layout::PosedCamera;
 use super::masks::Masks;
@@ -42,8 +42,15 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     };
     let confidence_path = cloud_path.as_deref().and_then(confidence_of);
     let mut warnings = layout.warnings;
-    let posed = (layout.cameras, layout.unusable);
-    let matched = match_images(posed, (dir, &layout.image_dir), &mut warnings)?;
+    let poses = Poses {
+        cameras: layout.cameras,
+        unusable: layout.unusable,
+    };
+    let folders = Folders {
+        scene: dir,
+        images: &layout.image_dir,
+    };
+    let matched = match_images(poses, folders, &mut warnings)?;
     let split = choose(dir, &matched, layout.split, options, &mut warnings)?;
 
     // The cloud is read while the images are decoded; both are done before either may fail,

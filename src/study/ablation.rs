@@ -65,9 +65,11 @@ impl Study for Ablation {
     }
 
     fn methods(&self, _results: &Results) -> Vec<Method> {
-        let rows = ROWS.iter();
-        rows.map(|row| (row.preset.to_owned(), row.preset.to_owned()))
-            .collect()
+        let method = |row: &Row| Method {
+            label: row.preset.to_owned(),
+            variant: row.preset.to_owned(),
+        };
+        ROWS.iter().map(method).collect()
     }
 
     fn report(&self, results: &Results) -> Result<Report> {

@@ -157,16 +157,28 @@ pub fn run(name: StudyName, options: &Options) -> Result<String> {
     Ok(text)
 }
 
+/// A run of a study and what there is of it.
+#[derive(Clone, Debug)]
+pub struct Listed {
+    /// Its name.
+    pub run: String,
+    /// What there is of it.
+    pub state: State,
+}
+
 /// Lists the runs of a study with what there is of each.
 ///
 /// # Errors
 /// As those of [`run`] before training.
-pub fn list(name: StudyName, options: &Options) -> Result<Vec<(String, State)>> {
+pub fn list(name: StudyName, options: &Options) -> Result<Vec<Listed>> {
     let plan = plan(name.study(), options)?;
-    let states = plan
-        .iter()
-        .map(|p| Ok((p.name.clone(), p.state(&options.measure)?)));
-    states.collect()
+    let listed = |planned: &Planned| {
+        Ok(Listed {
+            run: planned.name.clone(),
+            state: planned.state(&options.measure)?,
+        })
+    };
+    plan.iter().map(listed).collect()
 }
 
 fn plan(study: &dyn Study, options: &Options) -> Result<Vec<Planned>> {

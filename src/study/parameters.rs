@@ -47,8 +47,11 @@ impl Study for Parameters {
     }
 
     fn methods(&self, results: &Results) -> Vec<Method> {
-        let label = |(lambda, variant): (f64, String)| (format!("lambda {lambda}"), variant);
-        trained(results).into_iter().map(label).collect()
+        let method = |(lambda, variant): (f64, String)| Method {
+            label: format!("lambda {lambda}"),
+            variant,
+        };
+        trained(results).into_iter().map(method).collect()
     }
 
     fn report(&self, results: &Results) -> Result<Report> {

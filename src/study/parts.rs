@@ -6,6 +6,7 @@ use super::quality::{
 };
 use super::runs::Results;
 use super::{Picture, Report, Study};
+use crate::config::Difference;
 use crate::error::Result;
 use crate::report::plot::{Axis, Plot, Style};
 use crate::report::{Column, Table};
@@ -161,9 +162,9 @@ impl Study for Parts {
         let settings = |keys: &[&str], of_whole: bool| -> Vec<String> {
             let own = differences
                 .iter()
-                .filter(|(key, ..)| keys.contains(&key.as_str()));
-            own.map(|(key, with, without)| {
-                format!("{key}={}", if of_whole { with } else { without })
+                .filter(|difference| keys.contains(&difference.key.as_str()));
+            own.map(|Difference { key, here, there }| {
+                format!("{key}={}", if of_whole { here } else { there })
             })
             .collect()
         };

@@ -163,15 +163,15 @@ fn surveys(gpu: &Gpu, results: &Results, scene: &str) -> Result<[Surveyed; 2]> {
 impl Surveyed {
     /// Returns the mean PSNR of the viewpoints for which `holds`, by index, and how many they are;
     /// `None` if there are none.
-    fn mean_where(&self, holds: impl Fn(usize) -> bool) -> (Option<Figure>, usize) {
+    fn mean_where(&self, holds: impl Fn(usize) -> bool) -> Group {
         let chosen: Vec<usize> = (0..self.angles.len()).filter(|&i| holds(i)).collect();
         let n = chosen.len();
         let mean = |psnr: &Vec<f64>| chosen.iter().map(|&i| psnr[i]).sum::<f64>() / n as f64;
-        let figure = Figure::of(self.psnr.iter().map(|psnr| (n > 0).then(|| mean(psnr))));
-        (figure, n)
+        let psnr = Figure::of(self.psnr.iter().map(|psnr| (n > 0).then(|| mean(psnr))));
+        Group { psnr, n }
     }
 
-    fn within(&self, bounds: Range<f64>) -> (Option<Figure>, usize) {
+    fn within(&self, bounds: Range<f64>) -> Group {
         // Nothing is beyond the last bound, which belongs to the last range.
         let last = bounds.end >= 180.0;
         self.mean_where(|i| bounds.contains(&self.angles[i]) || last && self.angles[i] >= 180.0)
@@ -180,7 +180,7 @@ impl Surveyed {
     /// Returns the mean PSNR near any of some directions.
     fn near(&self, places: &[DVec3]) -> Option<Figure> {
         let near = |d: DVec3| places.iter().any(|p| angle(d, *p).to_degrees() <= NEAR_DEG);
-        self.mean_where(|i| near(self.directions[i])).0
+        self.mean_where(|i| near(self.directions[i])).psnr
     }
 
     /// Returns the mean PSNR at each viewpoint, over the seeds.
@@ -222,19 +222,36 @@ impl Surveyed {
         map.to_svg()
     }
 
-    /// Finds the pairs of cameras with no third as near to the middle between them as they are:
-    /// indices and the direction of the middle. Opposite cameras have no middle.
-    fn neighbours(&self) -> Vec<(usize, usize, DVec3)> {
+    /// Pairs of cameras with no third as near to the middle between them as they are. Opposite
+    /// cameras have no middle.
+    fn neighbours(&self) -> Vec<Neighbours> {
         let at = |i: usize| self.trained[i].1;
         let n = self.trained.len();
         let pairs = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j)));
-        let with_middle = pairs.filter_map(|(i, j)| Some((i, j, (at(i) + at(j)).try_normalize()?)));
-        let is_free = |&(i, j, middle): &(usize, usize, DVec3)| {
+        let with_middle = pairs.filter_map(|(i, j)| {
+            let middle = (at(i) + at(j)).try_normalize()?;
+            Some(Neighbours { i, j, middle })
+        });
+        let is_free = |&Neighbours { i, j, middle }: &Neighbours| {
             let half = angle(at(i), middle);
             (0..n).all(|k| k == i || k == j || angle(at(k), middle) > half)
         };
         with_middle.filter(is_free).collect()
     }
+}
+
+/// PSNR at some of the viewpoints.
+struct Group {
+    /// The mean, over seeds; none without a viewpoint.
+    psnr: Option<Figure>,
+    n: usize,
+}
+
+/// Two cameras beside each other, by index, and the direction of the middle between them.
+struct Neighbours {
+    i: usize,
+    j: usize,
+    middle: DVec3,
 }
 
 /// Returns the least and greatest of both, so that the maps' colours say the same.
@@ -283,8 +300,8 @@ fn angle_rows(table: &mut Table, scene: &str, surveys: &[Surveyed; 2]) {
             format!("{} to {}", bounds[0], bounds[1]).into(),
         ];
         for survey in surveys {
-            let (psnr, n) = survey.within(bounds[0]..bounds[1]);
-            cells.extend([psnr.into(), Some(Figure::exact(n as f64)).into()]);
+            let Group { psnr, n } = survey.within(bounds[0]..bounds[1]);
+            cells.extend([psnr.into(), n.into()]);
         }
         table.row(cells);
     }
@@ -304,7 +321,7 @@ fn valley_table() -> Table {
 
 /// Adds the quality at two neighbouring cameras and midway between them.
 fn valley_rows(table: &mut Table, scene: &str, survey: &Surveyed) {
-    for (i, j, middle) in survey.neighbours() {
+    for Neighbours { i, j, middle } in survey.neighbours() {
         let [(a, from), (b, to)] = [&survey.trained[i], &survey.trained[j]];
         let (ends, midway) = (survey.near(&[*from, *to]), survey.near(&[middle]));
         let gap = angle(*from, *to).to_degrees();
@@ -322,11 +339,14 @@ fn valley_rows(table: &mut Table, scene: &str, survey: &Surveyed) {
 /// States the paper's two claims, in figures.
 fn claims(one: &Surveyed, all: &Surveyed) -> String {
     let peak = |survey: &Surveyed| {
-        let (near, far) = (survey.within(0.0..15.0).0, survey.within(45.0..180.0).0);
+        let (near, far) = (
+            survey.within(0.0..15.0).psnr,
+            survey.within(45.0..180.0).psnr,
+        );
         difference(near, far)
     };
     let drops = all.neighbours();
-    let drops = drops.iter().filter_map(|&(i, j, middle)| {
+    let drops = drops.iter().filter_map(|&Neighbours { i, j, middle }| {
         let ends = all.near(&[all.trained[i].1, all.trained[j].1])?;
         Some(ends.mean - all.near(&[middle])?.mean)
     });

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::config::Config;
+use crate::config::{Config, Difference};
 use crate::error::{Error, Result};
 use crate::eval::EvalOptions;
 use crate::pipeline::TrainJob;
@@ -98,9 +98,9 @@ impl<'a> Base<'a> {
         config.scene.max_points = options.max_points.or(config.scene.max_points);
         let own = preset.differences(&method)?;
         let own = own
-            .into_iter()
-            .filter(|(key, ..)| key != "iterations")
-            .map(|(key, value, _)| format!("{key}={value}"));
+            .iter()
+            .filter(|difference| difference.key != "iterations")
+            .map(Difference::setting);
         for change in own.chain(changes.iter().cloned()) {
             config = config.set(&change)?;
         }

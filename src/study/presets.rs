@@ -66,9 +66,11 @@ impl Study for Presets {
     }
 
     fn methods(&self, _results: &Results) -> Vec<Method> {
-        PRESETS
-            .map(|preset| (preset.to_owned(), variant(preset)))
-            .to_vec()
+        let method = |preset: &&str| Method {
+            label: (*preset).to_owned(),
+            variant: variant(preset),
+        };
+        PRESETS.iter().map(method).collect()
     }
 
     fn report(&self, results: &Results) -> Result<Report> {

@@ -9,8 +9,12 @@ use crate::scene::Image;
 /// Rows of a grid, or as many as there are scenes.
 const N_ROWS: usize = 4;
 
-/// A method's label and its variant.
-pub(crate) type Method = (String, String);
+/// A method whose renders are shown.
+pub(crate) struct Method {
+    pub label: String,
+    /// Name of its variant.
+    pub variant: String,
+}
 
 /// Renders of every method's first seed at test views spread evenly over each scene's.
 ///
@@ -23,7 +27,7 @@ pub(crate) fn grid(results: &Results, methods: &[Method]) -> Result<Image> {
     for scene in scenes {
         let runs = methods
             .iter()
-            .filter_map(|(_, variant)| results.of(scene, variant).into_iter().next());
+            .filter_map(|method| results.of(scene, &method.variant).into_iter().next());
         let runs: Vec<&Finished> = runs.collect();
         let Some(first) = runs.first() else { continue };
         let test = first.job.load_again()?.test;
@@ -43,6 +47,6 @@ pub(crate) fn grid(results: &Results, methods: &[Method]) -> Result<Image> {
             });
         }
     }
-    let labels: Vec<String> = methods.iter().map(|(label, _)| label.clone()).collect();
+    let labels: Vec<String> = methods.iter().map(|m| m.label.clone()).collect();
     method_grid(&labels, &rows)
 }

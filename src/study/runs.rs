@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::plan::{Options, Variant};
+use crate::config::Difference;
 use crate::error::{Error, ErrorKind, Result};
 use crate::eval::EvalOptions;
 use crate::pipeline::{self, GoOn, TrainJob};
@@ -64,8 +65,8 @@ impl Planned {
                 .way_out("choose another --out, or remove the run")
         };
         let differences = run.config()?.differences(&self.job.config)?;
-        if let Some((key, there, here)) = differences.first() {
-            return Err(another(format!("its `{key}` is {there}, not {here}")));
+        if let Some(Difference { key, here, there }) = differences.first() {
+            return Err(another(format!("its `{key}` is {here}, not {there}")));
         }
         if !self.root.join("metrics.json").exists() {
             return Ok(State::ToTrain);

@@ -9,35 +9,48 @@ use crate::error::Result;
 use crate::report::plot::{Axis, Plot, Style};
 use crate::report::{Column, Table};
 
-/// Name of the variant, what it sets, and what it is called: the paper's five, and the field
-/// weighted by what the training cameras see.
-const STRATEGIES: [(&str, &str, &str); 6] = [
-    (
-        "paper-nearest-angle",
-        "views.strategy=nearest_angle",
-        "nearest angle",
-    ),
-    (
-        "paper-sphere-uniform",
-        "views.strategy=sphere_uniform",
-        "uniform sphere",
-    ),
-    (
-        "paper-sphere-farthest",
-        "views.strategy=sphere_farthest",
-        "farthest point",
-    ),
-    (
-        "paper-interpolation",
-        "views.strategy=interpolation",
-        "interpolation",
-    ),
-    (METHOD, "views.strategy=potential", "potential field"),
-    (
-        "paper-visibility",
-        "views.visibility.enabled=true",
-        "field and visibility",
-    ),
+/// A row of the table.
+struct Strategy {
+    /// Name of its variant.
+    name: &'static str,
+    /// What it sets.
+    setting: &'static str,
+    /// What it is called on paper.
+    label: &'static str,
+}
+
+/// The paper's five, and the field weighted by what the training cameras see.
+const STRATEGIES: [Strategy; 6] = [
+    Strategy {
+        name: "paper-nearest-angle",
+        setting: "views.strategy=nearest_angle",
+        label: "nearest angle",
+    },
+    Strategy {
+        name: "paper-sphere-uniform",
+        setting: "views.strategy=sphere_uniform",
+        label: "uniform sphere",
+    },
+    Strategy {
+        name: "paper-sphere-farthest",
+        setting: "views.strategy=sphere_farthest",
+        label: "farthest point",
+    },
+    Strategy {
+        name: "paper-interpolation",
+        setting: "views.strategy=interpolation",
+        label: "interpolation",
+    },
+    Strategy {
+        name: METHOD,
+        setting: "views.strategy=potential",
+        label: "potential field",
+    },
+    Strategy {
+        name: "paper-visibility",
+        setting: "views.visibility.enabled=true",
+        label: "field and visibility",
+    },
 ];
 
 /// The method's own strategy is its preset.
@@ -52,16 +65,18 @@ impl Study for Sampling {
     }
 
     fn variants(&self, base: &Base) -> Result<Vec<Variant>> {
-        let variant = |(name, setting, _): (&str, &str, &str)| {
-            base.variant(name, "paper", &[setting.to_owned()])
+        let variant = |strategy: &Strategy| {
+            base.variant(strategy.name, "paper", &[strategy.setting.to_owned()])
         };
-        STRATEGIES.into_iter().map(variant).collect()
+        STRATEGIES.iter().map(variant).collect()
     }
 
     fn methods(&self, _results: &Results) -> Vec<Method> {
-        STRATEGIES
-            .map(|(name, _, label)| (label.to_owned(), name.to_owned()))
-            .to_vec()
+        let method = |strategy: &Strategy| Method {
+            label: strategy.label.to_owned(),
+            variant: strategy.name.to_owned(),
+        };
+        STRATEGIES.iter().map(method).collect()
     }
 
     fn report(&self, results: &Results) -> Result<Report> {
@@ -76,7 +91,7 @@ impl Study for Sampling {
         ];
         let mut table = Table::new("sampling", &columns);
         for scope in results.scopes() {
-            for (name, _, label) in STRATEGIES {
+            for Strategy { name, label, .. } in STRATEGIES {
                 let against = match name {
                     METHOD => String::new(),
                     _ => gain(&scope, name, METHOD),
@@ -86,7 +101,7 @@ impl Study for Sampling {
                 table.row(cells.chain([against.into()]));
             }
         }
-        let labels = STRATEGIES.map(|(_, _, label)| label.to_owned());
+        let labels = STRATEGIES.map(|strategy| strategy.label.to_owned());
         let mut plot = Plot::new(
             "PSNR at the test views by the choice of virtual views",
             Axis::categories("strategy", labels.to_vec()),
@@ -94,7 +109,7 @@ impl Study for Sampling {
         );
         for scope in scenes(results) {
             let strategies = STRATEGIES.iter().enumerate();
-            let points = strategies.filter_map(|(i, (name, ..))| psnr_at(&scope, name, i as f64));
+            let points = strategies.filter_map(|(i, s)| psnr_at(&scope, s.name, i as f64));
             plot = plot.with(&scope.name, Style::Marks, points.collect());
         }
         Ok(Report {

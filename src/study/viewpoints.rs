@@ -12,7 +12,7 @@ use crate::field::{Field, Focus};
 use crate::gaussians::ply::read_ply;
 use crate::gpu::Gpu;
 use crate::pipeline::{TrainJob, focus_of};
-use crate::render::Kernels;
+use crate::render::{Device, Kernels};
 use crate::report::plot::{Axis, Plot, Point, Style};
 use crate::report::stats::{Figure, partial_spearman, spearman};
 use crate::run::Evaluation;
@@ -170,7 +170,11 @@ pub(crate) fn measure(
     views: &[View],
     options: &EvalOptions,
 ) -> Result<Evaluation> {
-    let device = (gpu, &Kernels::new(gpu));
+    let kernels = Kernels::new(gpu);
+    let device = Device {
+        gpu,
+        kernels: &kernels,
+    };
     let gaussians = read_ply(&run.run.point_cloud())?.to_canonical(frame);
     let config = &run.job.config.model;
     let mut scores = Vec::with_capacity(views.len());

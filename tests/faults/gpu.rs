@@ -7,7 +7,7 @@ use gspotential::error::{ErrorKind, Result};
 use gspotential::eval::{EvalOptions, render_views};
 use gspotential::gpu::{Buffer, Gpu};
 use gspotential::pipeline::{self, GoOn, TrainJob};
-use gspotential::render::{Kernels, Model};
+use gspotential::render::{Device, Kernels, Model};
 use gspotential::run::{Evaluation, RunDir, Stop};
 
 use super::{Outcome, job, wait_until};
@@ -104,7 +104,10 @@ fn a_lost_device_is_an_error_wherever_it_is_met() {
         gpu.check(),
         model.and_then(|model| model.download(&gpu)).map(drop),
         render_views(
-            (&gpu, &kernels),
+            Device {
+                gpu: &gpu,
+                kernels: &kernels,
+            },
             &prepared.start,
             frame,
             views,

@@ -82,8 +82,32 @@ struct Draw {
     rotation_wxyz: Option<[f64; 4]>,
 }
 
-/// Least distance of two depths in one camera: single precision tells it at depths of some units.
+/// How far apart depths in one camera are at least, unless a case says otherwise: what single precision tells apart at a depth of
+/// some units.
 const DEPTH_GAP: f64 = 1e-5;
+
+/// The cameras of a case, and how far apart depths in one of them are at least.
+struct Eyes {
+    cameras: Vec<TwinCamera>,
+    depth_gap: f64,
+}
+
+impl Eyes {
+    fn of(cameras: Vec<TwinCamera>) -> Eyes {
+        Eyes {
+            cameras,
+            depth_gap: DEPTH_GAP,
+        }
+    }
+
+    /// Takes a camera so close to what it sees that depths differ by little.
+    fn close(camera: TwinCamera) -> Eyes {
+        Eyes {
+            cameras: vec![camera],
+            depth_gap: 1e-9,
+        }
+    }
+}
 
 /// Returns an integer that orders as `x` does.
 fn ordered(x: f64) -> i64 {
@@ -97,7 +121,7 @@ fn ordered(x: f64) -> i64 {
 fn build(
     n: usize,
     sh_degree: usize,
-    (cameras, depth_gap): (Vec<TwinCamera>, f64),
+    Eyes { cameras, depth_gap }: Eyes,
     random: &mut Random,
     mut draw: impl FnMut(&mut Random) -> Draw,
 ) -> TwinCase {
@@ -156,12 +180,8 @@ fn build(
 pub fn random_scene(n: usize, sh_degree: usize, seed: u64) -> TwinCase {
     let mut random = Random::new(seed);
     let size = 0.35 * (n as f64).powf(-1.0 / 3.0);
-    build(
-        n,
-        sh_degree,
-        (cameras(), DEPTH_GAP),
-        &mut random,
-        |random| Draw {
+    build(n, sh_degree, Eyes::of(cameras()), &mut random, |random| {
+        Draw {
             mean: in_ball(random, 0.8),
             scale: [(); 3].map(|()| size * (0.6 * random.normal()).exp()),
             opacity: match random.uniform(0.0, 1.0) < 0.1 {
@@ -169,14 +189,14 @@ pub fn random_scene(n: usize, sh_degree: usize, seed: u64) -> TwinCase {
                 false => random.uniform(0.05, 0.97),
             },
             rotation_wxyz: None,
-        },
-    )
+        }
+    })
 }
 
 /// Makes needles: one axis is 1e4 times the other two.
 pub fn needles(n: usize, seed: u64) -> TwinCase {
     let mut random = Random::new(seed);
-    build(n, 1, (cameras(), DEPTH_GAP), &mut random, |random| {
+    build(n, 1, Eyes::of(cameras()), &mut random, |random| {
         let length = random.uniform(0.1, 0.5);
         Draw {
             mean: in_ball(random, 0.6),
@@ -191,7 +211,7 @@ pub fn needles(n: usize, seed: u64) -> TwinCase {
 /// Jacobian's bounds, and their ellipses cover whole images.
 pub fn huge(n: usize, seed: u64) -> TwinCase {
     let mut random = Random::new(seed);
-    build(n, 2, (cameras(), DEPTH_GAP), &mut random, |random| Draw {
+    build(n, 2, Eyes::of(cameras()), &mut random, |random| Draw {
         mean: in_ball(random, 3.0),
         scale: [(); 3].map(|()| (3.0 * (0.8 * random.normal()).exp()).min(100.0)),
         opacity: random.uniform(0.1, 0.6),
@@ -205,7 +225,7 @@ pub fn huge(n: usize, seed: u64) -> TwinCase {
 pub fn layers(n_layers: usize, n_per_layer: usize, seed: u64) -> TwinCase {
     let mut random = Random::new(seed);
     let camera = looking_at([0.0; 3], [0.0, 0.0, 1.0]);
-    let cameras = (vec![camera], DEPTH_GAP);
+    let cameras = Eyes::of(vec![camera]);
     let mut case = build(n_layers * n_per_layer, 0, cameras, &mut random, |r| Draw {
         mean: [
             r.uniform(-0.5, 0.5),
@@ -226,7 +246,7 @@ pub fn layers(n_layers: usize, n_per_layer: usize, seed: u64) -> TwinCase {
 /// least that is drawn at the corners of an image, too, whatever the image's size.
 pub fn cover() -> TwinCase {
     let camera = looking_at([0.0; 3], [0.0, 0.0, 1.0]);
-    build(1, 2, (vec![camera], DEPTH_GAP), &mut Random::new(3), |_| {
+    build(1, 2, Eyes::of(vec![camera]), &mut Random::new(3), |_| {
         Draw {
             mean: [0.05, -0.03, 2.0],
             scale: [1.2, 1.0, 0.7],
@@ -297,7 +317,7 @@ pub fn narrow(n: usize, seed: u64) -> TwinCase {
         ..exactly_looking_at([0.7, -0.4, 0.6], [0.0; 3])
     };
     let size = 3e-4 * (n as f64).powf(-1.0 / 3.0);
-    build(n, 2, (vec![camera], 1e-9), &mut random, |random| Draw {
+    build(n, 2, Eyes::close(camera), &mut random, |random| Draw {
         mean: in_ball(random, 7e-4),
         scale: [(); 3].map(|()| size * (0.6 * random.normal()).exp()),
         opacity: random.uniform(0.05, 0.97),
@@ -315,7 +335,7 @@ pub fn beside(n: usize, seed: u64) -> TwinCase {
         ..exactly_looking_at(eye, [-0.2, 0.1, -0.3])
     };
     let size = 1e-3 * (n as f64).powf(-1.0 / 3.0);
-    build(n, 2, (vec![camera], 1e-9), &mut random, |random| {
+    build(n, 2, Eyes::close(camera), &mut random, |random| {
         let offset = in_ball(random, 2e-3);
         Draw {
             mean: std::array::from_fn(|axis| eye[axis] + offset[axis]),
@@ -332,7 +352,7 @@ pub fn distant_needles(n: usize, seed: u64) -> TwinCase {
     let camera = looking_at([0.3, -0.2, 0.1], [-0.5, 0.4, 1.1]);
     let (to_world, focal) = (transpose(&camera.rotation()), camera.fx);
     let (bounds, eye) = (camera.tangent_bounds(), camera.center());
-    build(n, 1, (vec![camera], DEPTH_GAP), &mut random, |random| {
+    build(n, 1, Eyes::of(vec![camera]), &mut random, |random| {
         let depth = random.uniform(0.03, 0.1);
         let distance = 10f64.powf(random.uniform(4.0, 5.0));
         let (sin, cos) = random.uniform(0.0, std::f64::consts::TAU).sin_cos();

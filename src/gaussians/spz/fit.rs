@@ -80,8 +80,8 @@ impl Extents {
         }
     }
 
-    /// Returns the share of the Gaussians that is spoilt with the scene times 2 to the `power`.
-    fn spoilt(&self, power: i32) -> Option<(f64, Grid)> {
+    /// Tries the scene times 2 to the `power`.
+    fn tried(&self, power: i32) -> Option<Fitted> {
         let farthest = self.reaches.last().copied().unwrap_or(0.0);
         let grid = Grid::new(self.origin, power, farthest)?;
         let step_log = -(grid.fraction_bits as f32) * std::f32::consts::LN_2;
@@ -90,26 +90,38 @@ impl Extents {
         let n_small = self.sizes_log.partition_point(|s| *s < least);
         let n_large = self.sizes_log.len() - self.sizes_log.partition_point(|s| *s <= most);
         let n = self.sizes_log.len().max(1);
-        Some(((n_small + n_large) as f64 / n as f64, grid))
+        Some(Fitted {
+            spoilt: (n_small + n_large) as f64 / n as f64,
+            grid,
+        })
     }
 
     /// Chooses the scene as it is, unless that spoils too many and another power of 2 spoils fewer:
     /// then the nearest to it of those that spoil the fewest.
-    fn best(&self) -> (f64, Grid) {
-        let as_it_is = self.spoilt(0).filter(|(share, _)| *share <= MAX_SPOILT);
+    fn best(&self) -> Fitted {
+        let as_it_is = self.tried(0).filter(|fitted| fitted.spoilt <= MAX_SPOILT);
         let mut powers: Vec<i32> = POWERS.collect();
         powers.sort_by_key(|power| power.abs());
         let fewest = || {
-            let all = powers.into_iter().filter_map(|power| self.spoilt(power));
-            all.reduce(|a, b| if b.0 < a.0 { b } else { a })
+            let all = powers.into_iter().filter_map(|power| self.tried(power));
+            all.reduce(|a, b| if b.spoilt < a.spoilt { b } else { a })
         };
         let nothing_fits = Grid {
             origin: self.origin,
             power: 0,
             fraction_bits: 0,
         };
-        as_it_is.or_else(fewest).unwrap_or((1.0, nothing_fits))
+        as_it_is.or_else(fewest).unwrap_or(Fitted {
+            spoilt: 1.0,
+            grid: nothing_fits,
+        })
     }
+}
+
+/// A grid, and the share of the Gaussians that it spoils.
+struct Fitted {
+    spoilt: f64,
+    grid: Grid,
 }
 
 /// Returns the largest coordinate about an origin.
@@ -126,12 +138,15 @@ pub(super) fn fit(
     warnings: &mut Vec<String>,
 ) -> Grid {
     let mut extents = Extents::of(gaussians, chosen, DVec3::ZERO);
-    let (mut spoilt, mut grid) = extents.best();
+    let Fitted {
+        mut spoilt,
+        mut grid,
+    } = extents.best();
     if spoilt > MAX_SPOILT || grid.power != 0 {
         let about = Extents::of(gaussians, chosen, middle(gaussians, chosen));
         let best = about.best();
-        if (best.0, best.1.power.abs()) < (spoilt, grid.power.abs()) {
-            (spoilt, grid) = best;
+        if (best.spoilt, best.grid.power.abs()) < (spoilt, grid.power.abs()) {
+            Fitted { spoilt, grid } = best;
             extents = about;
         }
     }
@@ -141,7 +156,7 @@ pub(super) fn fit(
         let is_near = |i: &usize| reach(gaussians, *i, extents.origin) <= limit;
         let near: Vec<usize> = chosen.iter().copied().filter(is_near).collect();
         let best = Extents::of(gaussians, &near, extents.origin).best();
-        if best.0 < spoilt {
+        if best.spoilt < spoilt {
             warnings.push(format!(
                 "{} Gaussians beyond {limit} units are left out: with them a .spz file would round all \
                  positions to steps of {:.1e}",
@@ -149,7 +164,7 @@ pub(super) fn fit(
                 1.0 / grid.steps_a_unit()
             ));
             *chosen = near;
-            (spoilt, grid) = best;
+            Fitted { spoilt, grid } = best;
         }
     }
     if grid.origin != DVec3::ZERO {

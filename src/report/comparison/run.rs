@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::config::Config;
+use crate::config::{Config, Difference};
 use crate::error::{Error, Result};
 use crate::run::{Evaluation, Measured, Metrics, RunDir};
 
@@ -38,8 +38,8 @@ impl ComparedRun {
         };
         let changes = config.changes()?;
         let is_method = |key: &str| key != "iterations" && !key.starts_with("scene.");
-        let of_method = changes.iter().filter(|(key, _)| is_method(key));
-        let mut of_method: Vec<String> = of_method.map(|(k, v)| format!("{k}={v}")).collect();
+        let of_method = changes.iter().filter(|change| is_method(&change.key));
+        let mut of_method: Vec<String> = of_method.map(Difference::setting).collect();
         let metrics = run.metrics()?;
         if let Some(cloud) = &metrics.scene.cloud {
             let file = Path::new(cloud).file_name().unwrap_or_default();
@@ -53,7 +53,7 @@ impl ComparedRun {
         Ok(ComparedRun {
             name: run.name(),
             method,
-            changes: changes.iter().map(|(k, v)| format!("{k}={v}")).collect(),
+            changes: changes.iter().map(Difference::setting).collect(),
             config,
             metrics,
             evaluation,

@@ -1,6 +1,6 @@
 //! This module reads `cameras.bin` and `images.bin`: little-endian, counts as `u64`.
 
-use super::{Model, cameras};
+use super::{Model, StatedCamera, StatedPose, cameras};
 use crate::error::{Error, Result};
 use crate::files::bytes::Reader;
 
@@ -17,7 +17,8 @@ pub(crate) fn read_cameras(bytes: &[u8], model: &mut Model) -> Result<()> {
         let at = reader.position();
         let here = |e: Error| e.at(format_args!("byte {at}"));
         let id = i64::from(reader.i32("a camera's id")?);
-        let (name, n_params) = cameras::by_id(id, reader.i32("a camera's model")?).map_err(here)?;
+        let (model_name, n_params) =
+            cameras::by_id(id, reader.i32("a camera's model")?).map_err(here)?;
         let size = [
             reader.u64("a camera's width")?,
             reader.u64("a camera's height")?,
@@ -26,7 +27,13 @@ pub(crate) fn read_cameras(bytes: &[u8], model: &mut Model) -> Result<()> {
             .map(|_| reader.f64("a camera's parameters"))
             .collect::<Result<Vec<f64>>>()?;
         let place = format!("byte {at}");
-        model.add_camera(id, &place, (name, size, &params))?;
+        let camera = StatedCamera {
+            id,
+            model: model_name,
+            size,
+            params,
+        };
+        model.add_camera(&place, camera)?;
     }
     Ok(())
 }
@@ -37,9 +44,11 @@ pub(crate) fn read_images(bytes: &[u8], model: &mut Model) -> Result<()> {
         let at = reader.position();
         let here = |e: Error| e.at(format_args!("byte {at}"));
         reader.i32("an image's id")?;
-        let rotation_wxyz = reader.f64s("an image's rotation")?;
-        let translation = reader.f64s("an image's translation")?;
-        let camera_id = i64::from(reader.i32("an image's camera id")?);
+        let pose = StatedPose {
+            rotation_wxyz: reader.f64s("an image's rotation")?,
+            translation: reader.f64s("an image's translation")?,
+            camera_id: i64::from(reader.i32("an image's camera id")?),
+        };
         let name = reader.nul_terminated("an image's name")?;
         let name = std::str::from_utf8(name).map_err(|_| {
             here(Error::new(format!(
@@ -48,9 +57,7 @@ pub(crate) fn read_images(bytes: &[u8], model: &mut Model) -> Result<()> {
             )))
             .way_out("rename the image and rebuild the model")
         })?;
-        model
-            .add_image(rotation_wxyz, translation, camera_id, name)
-            .map_err(here)?;
+        model.add_image(pose, name).map_err(here)?;
         reader.skip_list(POINT2D_BYTES, "points of an image")?;
     }
     Ok(())

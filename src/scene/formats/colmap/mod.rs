@@ -168,6 +168,23 @@ pub(super) struct Model {
     not_finite: Vec<(String, Error)>,
 }
 
+/// A camera as a model states it.
+struct StatedCamera<'a> {
+    id: i64,
+    /// COLMAP's name of the camera model.
+    model: &'a str,
+    /// Width and height, pixels.
+    size: [u64; 2],
+    params: Vec<f64>,
+}
+
+/// The pose of an image as a model states it, world to camera.
+struct StatedPose {
+    rotation_wxyz: [f64; 4],
+    translation: [f64; 3],
+    camera_id: i64,
+}
+
 impl Model {
     pub(crate) fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
@@ -195,26 +212,31 @@ impl Model {
 
     fn add_camera(
         &mut self,
-        id: i64,
         at: &dyn std::fmt::Display,
-        (model, size, params): (&str, [u64; 2], &[f64]),
+        StatedCamera {
+            id,
+            model,
+            size,
+            params,
+        }: StatedCamera<'_>,
     ) -> Result<()> {
         if !params.iter().all(|p| p.is_finite()) {
             self.not_finite_cameras.insert(id);
         }
-        let judged = cameras::intrinsics(id, model, size, params).map_err(|e| e.at(at));
+        let judged = cameras::intrinsics(id, model, size, &params).map_err(|e| e.at(at));
         match self.intrinsics.insert(id, judged) {
             None => Ok(()),
             Some(_) => Err(Error::new(format!("camera {id} appears twice")).at(at)),
         }
     }
 
-    /// Adds an image; `rotation_wxyz` and `translation` are world-to-camera.
     fn add_image(
         &mut self,
-        rotation_wxyz: [f64; 4],
-        translation: [f64; 3],
-        camera_id: i64,
+        StatedPose {
+            rotation_wxyz,
+            translation,
+            camera_id,
+        }: StatedPose,
         name: &str,
     ) -> Result<()> {
         check_name(name)?;

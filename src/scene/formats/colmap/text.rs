@@ -1,7 +1,7 @@
 //! This module reads `cameras.txt` and `images.txt`: blank-separated fields, `#` begins a comment
 //! line.
 
-use super::Model;
+use super::{Model, StatedCamera, StatedPose};
 use crate::error::{Error, Result, without_mark};
 
 /// Returns the lines of a text file with their numbers from 1; bytes that are no UTF-8 are refused.
@@ -78,16 +78,13 @@ pub(crate) fn read_cameras(bytes: &[u8], model: &mut Model) -> Result<()> {
 }
 
 fn read_camera((at, mut line): (usize, &str), model: &mut Model) -> Result<()> {
-    let (id, name, size, params) = camera_fields(&mut line).map_err(|e| at_line(e, at))?;
-    let place = format!("line {at}");
-    model.add_camera(id, &place, (name, size, &params))
+    let camera = camera_fields(&mut line).map_err(|e| at_line(e, at))?;
+    model.add_camera(&format!("line {at}"), camera)
 }
 
-type CameraFields<'a> = (i64, &'a str, [u64; 2], Vec<f64>);
-
-fn camera_fields<'a>(line: &mut &'a str) -> Result<CameraFields<'a>> {
+fn camera_fields<'a>(line: &mut &'a str) -> Result<StatedCamera<'a>> {
     let id = number(line, "the camera's id")?;
-    let name = field(line, "the camera's model")?;
+    let model = field(line, "the camera's model")?;
     let size = [
         number(line, "the camera's width")?,
         number(line, "the camera's height")?,
@@ -96,7 +93,12 @@ fn camera_fields<'a>(line: &mut &'a str) -> Result<CameraFields<'a>> {
     while !line.trim_start().is_empty() {
         params.push(real(line, "a camera parameter")?);
     }
-    Ok((id, name, size, params))
+    Ok(StatedCamera {
+        id,
+        model,
+        size,
+        params,
+    })
 }
 
 /// Reads `images.txt`. Each image takes two lines; the second, its observations, is not used,
@@ -118,17 +120,18 @@ pub(crate) fn read_images(bytes: &[u8], model: &mut Model) -> Result<()> {
 }
 
 fn read_image(mut line: &str, model: &mut Model) -> Result<()> {
-    let (rotation_wxyz, translation, camera_id) = image_numbers(&mut line)?;
+    let pose = image_numbers(&mut line)?;
     // The rest of the line: names may contain blanks.
-    model.add_image(rotation_wxyz, translation, camera_id, line.trim())
+    model.add_image(pose, line.trim())
 }
 
-fn image_numbers(line: &mut &str) -> Result<([f64; 4], [f64; 3], i64)> {
+fn image_numbers(line: &mut &str) -> Result<StatedPose> {
     let _id: i64 = number(line, "the image's id")?;
-    let rotation_wxyz = numbers(line, "the image's rotation")?;
-    let translation = numbers(line, "the image's translation")?;
-    let camera_id = number(line, "the image's camera id")?;
-    Ok((rotation_wxyz, translation, camera_id))
+    Ok(StatedPose {
+        rotation_wxyz: numbers(line, "the image's rotation")?,
+        translation: numbers(line, "the image's translation")?,
+        camera_id: number(line, "the image's camera id")?,
+    })
 }
 
 /// Refuses a second line that is an image. Without this, a file that leaves the second lines out

@@ -32,9 +32,18 @@ const FISHEYE_MODELS: [&str; 4] = [
     "RADIAL_FISHEYE",
 ];
 
-/// Returns the world-to-camera rotation, the optical centre, and the scale that the matrix has
-/// beside; `None` if the frame has no pose, or one that is not finite.
-pub(super) fn pose(matrix: Option<&Value>) -> Result<Option<(DMat3, DVec3, f64)>> {
+/// The pose that a `transform_matrix` states.
+pub(super) struct Pose {
+    /// World to camera.
+    pub rotation: DMat3,
+    /// The optical centre.
+    pub position: DVec3,
+    /// The scale that the matrix has beside the rotation.
+    pub scale: f64,
+}
+
+/// Returns the pose of a frame; `None` if it has no pose, or one that is not finite.
+pub(super) fn pose(matrix: Option<&Value>) -> Result<Option<Pose>> {
     let wrong = |what: &str| Error::new(format!("`transform_matrix` {what}"));
     let Some(matrix) = matrix.filter(|m| !m.is_null()) else {
         return Ok(None);
@@ -74,7 +83,11 @@ pub(super) fn pose(matrix: Option<&Value>) -> Result<Option<(DMat3, DVec3, f64)>
         .ok_or_else(|| wrong("is no rigid motion"))?;
     // OpenGL's axes to ours: y down, z forward.
     let rotation = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)) * rotation.transpose();
-    Ok(Some((rotation, position, scale)))
+    Ok(Some(Pose {
+        rotation,
+        position,
+        scale,
+    }))
 }
 
 /// The objects that a frame's intrinsics are read from.

@@ -123,7 +123,7 @@ impl Views {
             Some(Value::String(path)) => with_suffix(folder, relative(path)?),
             _ => return Err(Error::new("there is no `file_path`")),
         };
-        let Some((rotation, position, scale)) = pose(frame.get("transform_matrix"))? else {
+        let Some(pose) = pose(frame.get("transform_matrix"))? else {
             self.n_without_pose += 1;
             return Ok(());
         };
@@ -140,9 +140,9 @@ impl Views {
             }
         };
         let intrinsics = optics.intrinsics(size)?;
-        self.n_scaled += usize::from((scale - 1.0).abs() > SCALE_TOLERANCE);
-        let translation = -(rotation * position);
-        let mut posed = intrinsics.posed(name, rotation, translation);
+        self.n_scaled += usize::from((pose.scale - 1.0).abs() > SCALE_TOLERANCE);
+        let translation = -(pose.rotation * pose.position);
+        let mut posed = intrinsics.posed(name, pose.rotation, translation);
         posed.mask = mask(dir, folder, frame)?;
         self.cameras.push(posed);
         Ok(())
