@@ -2,11 +2,13 @@
 //!
 //! `cargo bench --bench lpips -- --lpips-weights FILE.safetensors [--size WIDTHxHEIGHT] [--pairs N]`
 
+mod kit;
+
 use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Parser;
-use gspotential::error::{Error, Result};
+use gspotential::error::Result;
 use gspotential::metrics::Lpips;
 use gspotential::metrics::lpips::InputRange;
 use gspotential::run::peak_host_bytes;
@@ -14,13 +16,15 @@ use gspotential::scene::Image;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use kit::{Size, cpu_s};
+
 #[derive(Parser)]
 struct Args {
     #[arg(long)]
     lpips_weights: PathBuf,
     /// Width and height of the images
     #[arg(long, default_value = "320x213")]
-    size: String,
+    size: Size,
     /// Pairs measured, after one that is not
     #[arg(long, default_value_t = 5)]
     pairs: u32,
@@ -31,11 +35,7 @@ struct Args {
 
 fn main() -> Result<()> {
     let args = Args::parse();
-    let size = args.size.split_once('x');
-    let size = size.and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
-    let Some((width, height)) = size else {
-        return Err(Error::usage(format!("`{}` is no size", args.size)).way_out("write 320x213"));
-    };
+    let (width, height) = args.size.pixels;
     let lpips = Lpips::read(&args.lpips_weights, InputRange::Unit)?;
     let (a, b) = (noise(width, height, 1), noise(width, height, 2));
     let distance = lpips.distance(&a, &b)?;
@@ -61,13 +61,4 @@ fn noise(width: u32, height: u32, seed: u64) -> Image {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let rgb = (0..width * height * 3).map(|_| rng.random()).collect();
     Image { width, height, rgb }
-}
-
-/// User and system time of this process, where the system tells (Linux, in ticks of 10 ms).
-fn cpu_s() -> Option<f64> {
-    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-    // The name in brackets may hold spaces; what follows it does not.
-    let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
-    let ticks = |i: usize| fields.get(i)?.parse::<f64>().ok();
-    Some((ticks(11)? + ticks(12)?) / 100.0)
 }

@@ -17,7 +17,7 @@ use gspotential::camera::{Camera, Frame, Similarity};
 use gspotential::config::Config;
 use gspotential::dense::{Adjusted, CloudOptions, DepthMap, adjust, cloud};
 use gspotential::error::Result;
-use gspotential::eval::{EvalOptions, fit_poses, render_views, score};
+use gspotential::eval::fit_poses;
 use gspotential::gpu::Gpu;
 use gspotential::pipeline::{focus_of, prepare};
 use gspotential::render::{Device, Kernels};
@@ -29,7 +29,7 @@ use gspotential::train::train;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use kit::SceneArgs;
+use kit::{SceneArgs, mean_scores};
 
 const COLUMNS: [Column; 10] = [
     Column::text("seed", "seed"),
@@ -240,21 +240,7 @@ fn trained(scene: &Scene, maps: &[DepthMap], config: &Config) -> Result<[Cell; 2
     for (view, camera) in test.iter_mut().zip(fitted) {
         view.camera = camera;
     }
-    let (mut psnr, mut ssim) = (0.0, 0.0);
-    let options = EvalOptions::default();
-    render_views(
-        device,
-        &trained.gaussians,
-        &prepared.frame,
-        &test,
-        &config.model,
-        |view, rendered| {
-            let score = score(rendered, view, None, &options)?;
-            psnr += score.psnr.unwrap_or(f64::NAN);
-            ssim += score.ssim.unwrap_or(f64::NAN);
-            Ok(())
-        },
-    )?;
-    let n = test.len() as f64;
-    Ok([(psnr / n).into(), (ssim / n).into()])
+    let frame = &prepared.frame;
+    let scores = mean_scores(device, &trained.gaussians, frame, &test, config)?;
+    Ok(scores.map(Cell::from))
 }

@@ -12,7 +12,7 @@ use clap::Parser;
 use gspotential::camera::{Camera, Frame};
 use gspotential::config::Config;
 use gspotential::error::Result;
-use gspotential::eval::{EvalOptions, PoseErrors, render_views, score};
+use gspotential::eval::PoseErrors;
 use gspotential::field::Focus;
 use gspotential::gpu::Gpu;
 use gspotential::pipeline::prepare;
@@ -24,7 +24,7 @@ use gspotential::train::train;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use kit::SceneArgs;
+use kit::{SceneArgs, mean_scores};
 
 const COLUMNS: [Column; 7] = [
     Column::text("poses", "poses"),
@@ -102,33 +102,18 @@ fn trained(
     let to_world = |camera: &Camera| prepared.frame.camera_to_world(camera);
     let cameras: Vec<Camera> = trained.cameras.iter().map(to_world).collect();
     let errors = PoseErrors::of(&cameras, truth, &scene.cloud, frame);
-    let (mut psnr, mut ssim) = (0.0, 0.0);
     let device = Device {
         gpu: &gpu,
         kernels: &kernels,
     };
-    let options = EvalOptions::default();
     let frame = &prepared.frame;
-    render_views(
-        device,
-        &trained.gaussians,
-        frame,
-        &scene.test,
-        &config.model,
-        |view, rendered| {
-            let score = score(rendered, view, None, &options)?;
-            psnr += score.psnr.unwrap_or(f64::NAN);
-            ssim += score.ssim.unwrap_or(f64::NAN);
-            Ok(())
-        },
-    )?;
-    let n = scene.test.len() as f64;
+    let [psnr, ssim] = mean_scores(device, &trained.gaussians, frame, &scene.test, config)?;
     let figures = [
         errors.turn_deg,
         100.0 * errors.shift,
         errors.pixels,
-        psnr / n,
-        ssim / n,
+        psnr,
+        ssim,
     ];
     Ok(figures.map(Cell::from))
 }

@@ -6,6 +6,8 @@
 //! and `images.f32` and `depth.f32` (`[views][3][height][width]`, `[views][height][width]`) let another
 //! program do the same.
 
+mod kit;
+
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -20,6 +22,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde_json::{Map, json};
 
+use kit::{Size, cpu_s};
+
 #[derive(Parser)]
 struct Args {
     /// Names and shapes of a model's tensors
@@ -29,7 +33,7 @@ struct Args {
     views: usize,
     /// Width and height of the images, multiples of 14
     #[arg(long, default_value = "504x378")]
-    size: String,
+    size: Size,
     /// Folder for weights, images and depths
     #[arg(long)]
     keep: Option<PathBuf>,
@@ -40,11 +44,7 @@ struct Args {
 
 fn main() -> Result<()> {
     let args = Args::parse();
-    let size = args.size.split_once('x');
-    let Some((width, height)) = size.and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)))
-    else {
-        return Err(Error::usage(format!("`{}` is no size", args.size)).way_out("write 504x378"));
-    };
+    let (width, height) = args.size.pixels;
     let temporary = tempfile::tempdir().map_err(failed)?;
     let folder = args.keep.as_deref().unwrap_or(temporary.path());
     std::fs::create_dir_all(folder).map_err(failed)?;
@@ -152,13 +152,4 @@ fn write_floats(path: &Path, values: &[f32]) -> std::io::Result<()> {
 fn since(before: Option<f64>) -> String {
     let passed = cpu_s().zip(before).map(|(after, before)| after - before);
     passed.map_or("?".to_owned(), |s| format!("{s:.1}"))
-}
-
-/// User and system time of this process, where the system tells (Linux, in ticks of 10 ms).
-fn cpu_s() -> Option<f64> {
-    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-    // The name in brackets may hold spaces; what follows it does not.
-    let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
-    let ticks = |i: usize| fields.get(i)?.parse::<f64>().ok();
-    Some((ticks(11)? + ticks(12)?) / 100.0)
 }

@@ -123,13 +123,16 @@ fn check_size(image: &impl Pixels) -> Result<()> {
     Ok(())
 }
 
-/// Returns the number of set pixels of a mask for images of `n_pixels`.
-fn check_mask(mask: &[bool], n_pixels: usize) -> Result<usize> {
+/// Counts the set pixels of a mask for two images that [`check_pair`] accepts; `None` if it is empty.
+fn n_masked(render: &impl Pixels, truth: &impl Pixels, mask: &[bool]) -> Result<Option<usize>> {
+    let (width, height) = check_pair(render, truth)?;
+    let n_pixels = width * height;
     if mask.len() != n_pixels {
         return Err(Error::new(format!(
             "the mask has {} pixels, the images have {n_pixels}",
             mask.len()
         )));
     }
-    Ok(mask.iter().filter(|&&set| set).count())
+    let n_set = mask.iter().filter(|&&set| set).count();
+    Ok((n_set > 0).then_some(n_set))
 }

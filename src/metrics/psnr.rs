@@ -1,6 +1,6 @@
 //! Peak signal-to-noise ratio.
 
-use super::{Pixels, check_mask, check_pair};
+use super::{Pixels, check_pair, n_masked};
 use crate::error::Result;
 
 /// Returns the peak signal-to-noise ratio in dB over all pixels and channels,
@@ -24,11 +24,9 @@ pub fn masked_psnr(
     truth: &impl Pixels,
     mask: &[bool],
 ) -> Result<Option<f64>> {
-    let (width, height) = check_pair(render, truth)?;
-    let n_set = check_mask(mask, width * height)?;
-    if n_set == 0 {
+    let Some(n_set) = n_masked(render, truth, mask)? else {
         return Ok(None);
-    }
+    };
     let set = (0..render.n_values()).filter(|i| mask[i / 3]);
     Ok(Some(psnr_of(squared_error(render, truth, set), n_set * 3)))
 }

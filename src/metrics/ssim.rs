@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{Pixels, check_mask, check_pair};
+use super::{Pixels, check_pair, n_masked};
 use crate::error::Result;
 
 /// Side of the window, pixels.
@@ -34,11 +34,9 @@ pub fn masked_ssim(
     truth: &impl Pixels,
     mask: &[bool],
 ) -> Result<Option<f64>> {
-    let (width, height) = check_pair(render, truth)?;
-    let n_set = check_mask(mask, width * height)?;
-    if n_set == 0 {
+    let Some(n_set) = n_masked(render, truth, mask)? else {
         return Ok(None);
-    }
+    };
     let sum = ssim_sum(render, truth, |pixel| mask[pixel])?;
     Ok(Some(sum / (n_set * 3) as f64))
 }

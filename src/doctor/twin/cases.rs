@@ -125,14 +125,7 @@ fn build(
     random: &mut Random,
     mut draw: impl FnMut(&mut Random) -> Draw,
 ) -> TwinCase {
-    let mut gaussians = TwinGaussians {
-        means: Vec::new(),
-        sh: Vec::new(),
-        opacity_logit: Vec::new(),
-        scale_log: Vec::new(),
-        rotation_wxyz: Vec::new(),
-        sh_degree,
-    };
+    let mut gaussians = TwinGaussians::empty(sh_degree);
     let mut depths = vec![BTreeSet::new(); cameras.len()];
     while gaussians.n() < n {
         let Draw {
@@ -266,14 +259,7 @@ pub fn crowd(n: usize, seed: u64, mut is_left: impl FnMut(usize, &mut Random) ->
         fy: 4.0,
         ..looking_at([0.0; 3], [0.0, 0.0, 1.0]).resized(4, 8)
     };
-    let mut gaussians = TwinGaussians {
-        means: Vec::new(),
-        sh: Vec::new(),
-        opacity_logit: Vec::new(),
-        scale_log: Vec::new(),
-        rotation_wxyz: Vec::new(),
-        sh_degree: 0,
-    };
+    let mut gaussians = TwinGaussians::empty(0);
     for i in 0..n {
         // f32 tells these depths apart by a hundred steps and more, up to a million of them.
         let z = f32_exact(1.0 + 8.0 * i as f64 / n as f64);

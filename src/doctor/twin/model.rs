@@ -21,6 +21,18 @@ pub struct TwinGaussians {
 }
 
 impl TwinGaussians {
+    /// Starts a set without Gaussians.
+    pub(super) fn empty(sh_degree: usize) -> TwinGaussians {
+        TwinGaussians {
+            means: Vec::new(),
+            sh: Vec::new(),
+            opacity_logit: Vec::new(),
+            scale_log: Vec::new(),
+            rotation_wxyz: Vec::new(),
+            sh_degree,
+        }
+    }
+
     /// Returns the number of Gaussians.
     pub fn n(&self) -> usize {
         self.means.len()

@@ -15,7 +15,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Pixels, check_mask, check_pair};
+use super::{Pixels, check_pair, n_masked};
 use crate::error::{Error, Result};
 use layers::{Conv, Tensor, max_pool};
 
@@ -147,8 +147,7 @@ impl Lpips {
         truth: &impl Pixels,
         mask: &[bool],
     ) -> Result<Option<f64>> {
-        let (width, height) = check_pair(render, truth)?;
-        if check_mask(mask, width * height)? == 0 {
+        if n_masked(render, truth, mask)?.is_none() {
             return Ok(None);
         }
         self.distance_where(render, truth, |pixel| mask[pixel])
