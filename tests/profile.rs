@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use gspotential::report::profile_tables;
+use gspotential::pipeline::profile_tables;
 use gspotential::run::{RunDir, RunProfile};
 
 use crate::kit::program::{Ended, succeed};

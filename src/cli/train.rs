@@ -9,8 +9,8 @@ use super::dry_run;
 use super::measure::MeasureArgs;
 use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
-use crate::pipeline::{self, GoOn, PriorOptions, Resumed, TrainJob};
-use crate::report::{evaluation_table, profile_tables};
+use crate::pipeline::{self, GoOn, PriorOptions, Resumed, TrainJob, profile_tables};
+use crate::report::evaluation_table;
 use crate::run::{Evaluation, RunDir};
 use crate::scene::{CloudSource, SceneSource};
 

@@ -1,4 +1,4 @@
-//! This module predicts what a run will need before it trains.
+//! This module predicts what a run will need before it trains, by part and as tables.
 
 use super::Prepared;
 use crate::cloud::{splat, visibility};
@@ -6,7 +6,7 @@ use crate::config::Config;
 use crate::files::peak_host_bytes;
 use crate::gaussians::Gaussians;
 use crate::gpu::Gpu;
-use crate::report::{gpu_memory_table, host_memory_table};
+use crate::report::{Column, Table};
 use crate::scene::{PointCloud, Scene, View};
 use crate::train::{TrainingBytes, TrainingView};
 
@@ -119,4 +119,80 @@ fn gaussian_bytes(gaussians: &Gaussians) -> u64 {
         + size_of_val(&rotations_wxyz[..])
         + size_of_val(&opacity_logits[..])
         + size_of_val(&sh[..])) as u64
+}
+
+const MEBIBYTES: Column = Column::number("mib", "MiB", 1);
+
+/// Returns the GPU buffers of training as a table.
+fn gpu_memory_table(bytes: &TrainingBytes) -> Table {
+    let TrainingBytes {
+        n_gaussians,
+        n_pairs,
+        model,
+        moments,
+        statistics,
+        workspace,
+        poses,
+        reading,
+        densifying,
+    } = *bytes;
+    let gaussians = format!("{n_gaussians} Gaussians");
+    let pairs = format!("{n_pairs} pairs of a view");
+    let pixels = "pixels of the largest view".to_owned();
+    let columns = [
+        Column::text("buffers", "GPU buffers"),
+        Column::text("for", "for"),
+        MEBIBYTES,
+    ];
+    let mut table = Table::new("gpu-memory", &columns);
+    let mut row = |what: &str, of: &str, bytes: u64| {
+        table.row([what.into(), of.into(), mebibytes(bytes).into()]);
+    };
+    row("Gaussians", &gaussians, model);
+    row("Adam's moments", &gaussians, moments);
+    row("gradients", &gaussians, workspace.gradients);
+    row("densification's statistics", &gaussians, statistics);
+    row("projected Gaussians", &gaussians, workspace.splats);
+    row("(tile, Gaussian) pairs", &pairs, workspace.pairs);
+    row("gradients of pairs", &pairs, workspace.pair_gradients);
+    row("sorting", "both", workspace.sorts);
+    row("render", &pixels, workspace.image);
+    row("loss and its gradient", &pixels, workspace.loss);
+    row("goals of a step's two views", &pixels, workspace.goals);
+    if poses > 0 {
+        row("gradients of poses", &gaussians, poses);
+    }
+    row("uniforms", "", workspace.uniforms);
+    if densifying > reading {
+        row(
+            "densifying: the new set beside the old",
+            &gaussians,
+            densifying,
+        );
+    } else {
+        row("reading back", &gaussians, reading);
+    }
+    row("**all, at the worst moment**", "", bytes.peak());
+    table
+}
+
+/// Returns as a table what the process holds from beginning to end.
+fn host_memory_table(parts: &[(&str, u64)]) -> Table {
+    let mut table = Table::new(
+        "host-memory",
+        &[Column::text("part", "host memory"), MEBIBYTES],
+    );
+    for (what, bytes) in parts {
+        table.row([(*what).into(), mebibytes(*bytes).into()]);
+    }
+    let all = parts.iter().map(|(_, bytes)| bytes).sum();
+    table.row([
+        "**all, from beginning to end**".into(),
+        mebibytes(all).into(),
+    ]);
+    table
+}
+
+fn mebibytes(bytes: u64) -> f64 {
+    bytes as f64 / f64::from(1 << 20)
 }

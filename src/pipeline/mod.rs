@@ -27,6 +27,7 @@ pub use job::TrainJob;
 pub use memory::Forecast;
 pub use photographs::{PriorOptions, cloud_of_scene, scene_of_photographs};
 pub use prepare::{Prepared, n_start, prepare};
+pub use profile::{kernel_table, profile_tables};
 pub use render::render;
 pub use start::{GoOn, Resumed};
 pub use train::{SoFar, train};

@@ -3,15 +3,15 @@
 //! [`schedule`] says what an iteration does, [`optimizer`] steps the parameters on the GPU,
 //! [`policy`] decides on the CPU which Gaussians come and go, [`trainer`] runs the loop and tells
 //! an [`observer`], and [`checkpoint`] takes it apart and puts it together again between two
-//! iterations. [`supervision`] is what they learn from, [`memory`] says what that takes, [`shell`]
+//! iterations. [`supervision`] is what they learn from, [`capacity`] says what that takes, [`shell`]
 //! is a background of Gaussians beyond the scene, [`pose_adam`] moves cameras, where they are
 //! refined, and [`guide`] chooses whom dropout leaves out.
 
+pub mod capacity;
 pub mod checkpoint;
 mod dropout;
 mod goal;
 pub mod guide;
-pub mod memory;
 pub mod observer;
 pub mod optimizer;
 pub mod policy;
@@ -26,9 +26,9 @@ mod state;
 pub mod supervision;
 pub mod trainer;
 
+pub use capacity::TrainingBytes;
 pub use checkpoint::fingerprint;
 pub use goal::Goal;
-pub use memory::TrainingBytes;
 pub use observer::Observer;
 pub use pose_adam::PoseAdam;
 pub use record::{ImageLoss, LossSample, PlanCounts, PlanRecord, Trained};

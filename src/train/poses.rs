@@ -1,7 +1,7 @@
 //! This module has the trainer's cameras: the training views' poses, refined if the config asks for
 //! it.
 
-use super::memory::uniform;
+use super::capacity::uniform;
 use super::refine::{RefinedPose, pose_rates};
 use super::supervision::TrainingView;
 use super::trainer::Trainer;

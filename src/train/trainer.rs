@@ -2,8 +2,8 @@
 
 use std::time::Instant;
 
+use super::capacity::{start_capacity, uniform};
 use super::guide::Guide;
-use super::memory::{start_capacity, uniform};
 use super::observer::Observer;
 use super::optimizer::{Optimizer, OptimizerKernels, StepUniform};
 use super::policy::{self, Surroundings};
