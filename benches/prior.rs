@@ -103,8 +103,9 @@ fn tensors(path: &Path) -> Result<Vec<(String, Vec<usize>)>> {
     };
     text.lines()
         .map(|line| {
-            parsed(line)
-                .ok_or_else(|| Error::new(format!("`{line}` is no name and shape")).at_path(path))
+            parsed(line).ok_or_else(|| {
+                Error::new(format!("`{line}` is not a name and a shape")).at_path(path)
+            })
         })
         .collect()
 }

@@ -137,7 +137,7 @@ fn a_dry_run_writes_nothing() {
         "| virtual views",
         "5 iterations",
         "| Adam's moments ",
-        "| goals of the virtual views ",
+        "| target images of the virtual views ",
         " ms",
     ] {
         assert!(text.contains(part), "{part}: {text}");

@@ -75,7 +75,7 @@ pub(crate) fn views(args: &Args, figures: &mut Vec<Figure>) -> Result<()> {
             });
         };
         figure("splatting", "s", least);
-        figure("their goals", "B", goals as f64);
+        figure("their target images", "B", goals as f64);
         if let Some(bytes) = peak_host_bytes() {
             figure("host peak", "B", bytes as f64);
         }

@@ -41,7 +41,7 @@ const DRAWN: [(&str, &str, &[&str]); 4] = [
     (
         VIEWS,
         "growth-views.svg",
-        &["splatting", "their goals", "host peak"],
+        &["splatting", "their target images", "host peak"],
     ),
     (
         POINTS,

@@ -109,7 +109,7 @@ impl FromStr for Size {
     fn from_str(text: &str) -> Result<Size> {
         let sides = text.split_once('x');
         let pixels = sides.and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
-        let no_size = || Error::usage(format!("`{text}` is no size")).way_out("write 320x213");
+        let no_size = || Error::usage(format!("`{text}` is not a size")).way_out("write 320x213");
         Ok(Size {
             pixels: pixels.ok_or_else(no_size)?,
         })

@@ -77,7 +77,7 @@ impl SceneArgs {
     pub(crate) fn run(self) -> Result<()> {
         if !(self.confidence > 0.0 && self.confidence <= 1.0) {
             return Err(Error::usage(format!(
-                "--confidence {} is no share above 0, at most 1",
+                "--confidence is {}, but must be above 0 and at most 1",
                 self.confidence
             )));
         }

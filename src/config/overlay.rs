@@ -116,7 +116,7 @@ impl Config {
             Some(Value::String(name)) => Config::preset(&name)?,
             Some(other) => {
                 return Err(Error::usage(format!(
-                    "`preset` is {other}, which is no preset's name"
+                    "`preset` is {other}, which is not a preset's name"
                 )));
             }
         };
@@ -127,7 +127,7 @@ impl Config {
     /// else a string.
     pub fn set(&self, setting: &str) -> Result<Config> {
         let Some((key, text)) = setting.split_once('=') else {
-            return Err(Error::usage(format!("`{setting}` is no setting"))
+            return Err(Error::usage(format!("`{setting}` is not a setting"))
                 .way_out("write key=value, for example loss.ssim_weight=0.3"));
         };
         let key = key.trim();
@@ -229,7 +229,7 @@ fn collect_leaves(
             format!("{key}.{name}")
         };
         if inner == "preset" {
-            return Err(Error::usage("`preset` is no setting")
+            return Err(Error::usage("`preset` is not a setting")
                 .way_out("choose one with --preset, or with \"preset\" in a config file"));
         }
         if !section.contains_key(name) {

@@ -16,10 +16,11 @@ pub(crate) fn read_vector(bytes: &[u8]) -> Result<Vec<f32>> {
     let mut lengths = header.shape.iter().copied().filter(|n| *n != 1);
     let length = lengths.next().unwrap_or(1);
     if lengths.next().is_some() {
-        return Err(
-            Error::new(format!("an array of shape {:?} is no vector", header.shape))
-                .way_out("save one value a point"),
-        );
+        return Err(Error::new(format!(
+            "an array of shape {:?} is not a vector",
+            header.shape
+        ))
+        .way_out("save one value a point"));
     }
     let (values, size): (Vec<f32>, usize) = match header.descr {
         "<f4" => (elements(data, f32::from_le_bytes), 4),
@@ -80,7 +81,7 @@ impl<'a> Header<'a> {
         let mut rest = text
             .strip_prefix('{')
             .and_then(|text| text.strip_suffix('}'))
-            .ok_or_else(|| malformed("is no dict"))?
+            .ok_or_else(|| malformed("is not a dict"))?
             .trim();
         let (mut descr, mut shape) = (None, None);
         while let Some((key, value)) = rest.strip_prefix('\'').and_then(|r| r.split_once("':")) {
@@ -108,7 +109,7 @@ impl<'a> Header<'a> {
 fn tuple(text: &str) -> Result<Vec<usize>> {
     let list = text
         .strip_prefix('(')
-        .ok_or_else(|| malformed("has a shape that is no tuple"))?;
+        .ok_or_else(|| malformed("has a shape that is not a tuple"))?;
     let mut shape = Vec::new();
     for item in list.split(',').map(str::trim).filter(|i| !i.is_empty()) {
         let n: u32 = item

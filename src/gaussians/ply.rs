@@ -271,8 +271,9 @@ impl Layout {
                 "vertex property `{name}` is {scalar:?}, but must be float"
             ))),
             None => Err(
-                Error::new(format!("the vertices have no property `{name}`"))
-                    .way_out("a point cloud is no Gaussians; give the point_cloud.ply of a run"),
+                Error::new(format!("the vertices have no property `{name}`")).way_out(
+                    "this is a point cloud, not Gaussians: give the point_cloud.ply of a run",
+                ),
             ),
         };
         let n_rest = properties

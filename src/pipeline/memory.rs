@@ -33,9 +33,9 @@ impl Forecast {
         let mut host = vec![
             ("the program and the driver", gpu.host_bytes_at_start()),
             ("training photographs", image_bytes(&scene.train)),
-            ("their goals", goals(&supervision.real)),
+            ("their target images", goals(&supervision.real)),
             (
-                "goals of the virtual views",
+                "target images of the virtual views",
                 goals(&supervision.virtual_views),
             ),
             ("test photographs", image_bytes(&scene.test)),
@@ -158,7 +158,11 @@ fn gpu_memory_table(bytes: &TrainingBytes) -> Table {
     row("sorting", "both", workspace.sorts);
     row("render", &pixels, workspace.image);
     row("loss and its gradient", &pixels, workspace.loss);
-    row("goals of a step's two views", &pixels, workspace.goals);
+    row(
+        "target images of a step's two views",
+        &pixels,
+        workspace.goals,
+    );
     if poses > 0 {
         row("gradients of poses", &gaussians, poses);
     }

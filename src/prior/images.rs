@@ -123,7 +123,7 @@ impl Images {
         let whole = h.is_multiple_of(PATCH_PX) && w.is_multiple_of(PATCH_PX);
         if n_views == 0 || n_views * 3 * h * w != values.len() || !whole {
             return Err(Error::new(format!(
-                "{} values are no images of {width}x{height} pixels in patches of {PATCH_PX}",
+                "{} values are not images of {width}x{height} pixels in patches of {PATCH_PX}",
                 values.len()
             )));
         }

@@ -118,7 +118,7 @@ pub fn decode(encoding: &PoseEncoding, name: &str, width: u32, height: u32) -> R
     let is_usable = encoding.iter().all(|value| value.is_finite()) && quaternion.length() > 1e-12;
     if !is_usable {
         return Err(Error::new(format!(
-            "the network's pose of `{name}` is no pose: {encoding:?}"
+            "the network's pose of `{name}` is not a pose: {encoding:?}"
         ))
         .way_out("the photograph may show nothing to go by: leave it out"));
     }

@@ -156,7 +156,7 @@ fn open(path: &Path) -> Result<Weights> {
     let meta = std::fs::metadata(path)
         .map_err(|e| Error::new(format!("cannot read the weights: {e}")).way_out(DOWNLOAD))?;
     if !meta.is_file() {
-        return Err(Error::new("is no file").way_out("name the file model.safetensors itself"));
+        return Err(Error::new("is not a file").way_out("name the file model.safetensors itself"));
     }
     let cannot = |e: std::io::Error| Error::new(format!("cannot read: {e}"));
     let mut file = File::open(path).map_err(cannot)?;
@@ -222,7 +222,7 @@ fn not_weights(head: &[u8], why: &str) -> Error {
     } else if head.starts_with(b"<") {
         "is a web page, not a safetensors file"
     } else {
-        return Error::new(format!("is no safetensors file: {why}")).way_out(DOWNLOAD);
+        return Error::new(format!("is not a safetensors file: {why}")).way_out(DOWNLOAD);
     };
     Error::new(what).way_out(DOWNLOAD)
 }

@@ -118,7 +118,7 @@ impl RunDir {
     /// Opens an existing run to read, recognised by its `config.json`.
     pub fn open(root: &Path) -> Result<RunDir> {
         if !root.join("config.json").is_file() {
-            return Err(Error::new("is no run directory: it has no config.json")
+            return Err(Error::new("is not a run directory: it has no config.json")
                 .at_path(root)
                 .way_out("name a directory that `gspotential train` wrote"));
         }

@@ -31,7 +31,7 @@ impl SceneSource {
         match self {
             SceneSource::Folder(folder) => match folder.canonicalize() {
                 Ok(absolute) if absolute.is_dir() => Ok(SceneSource::Folder(absolute)),
-                Ok(_) => Err(Error::new("is no folder").at_path(&folder)),
+                Ok(_) => Err(Error::new("is not a folder").at_path(&folder)),
                 Err(e) => Err(Error::new(format!("cannot open the scene: {e}")).at_path(&folder)),
             }
             .map_err(|e| {

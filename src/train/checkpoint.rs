@@ -60,26 +60,28 @@ impl Trainer<'_> {
             && state.stride <= most_gaussians(self.gpu, state.sh_degree)
             && state.sh_degree == self.optimizer.model.sh_degree
             && state.poses.as_ref().map(Vec::len) == self.poses().map(Vec::len);
-        let lens = if fits {
-            state.buffer_lens()
-        } else {
-            Vec::new()
-        };
-        let expected = 16 * lens.iter().sum::<usize>();
-        if !fits || buffers.len() != expected {
+        let (n, degree) = (state.n_gaussians, state.sh_degree);
+        if !fits {
             return Err(Error::new(format!(
-                "{} bytes are no state of {} Gaussians of SH degree {} that the adapter holds",
-                buffers.len(),
-                state.n_gaussians,
-                state.sh_degree,
+                "the checkpoint has {n} Gaussians of SH degree {degree} with room for {}, which \
+                 do not fit this run or this adapter",
+                state.stride
             )));
         }
-        let (n, stride) = (state.n_gaussians, state.stride);
+        let lens = state.buffer_lens();
+        let expected = 16 * lens.iter().sum::<usize>();
+        if buffers.len() != expected {
+            return Err(Error::new(format!(
+                "the checkpoint has {} bytes, expected {expected} for {n} Gaussians of SH degree {degree}",
+                buffers.len(),
+            )));
+        }
+        let stride = state.stride;
         // What there was is free before as much is made again.
         self.unbind();
-        self.optimizer = Optimizer::new(self.gpu, Model::zeros(self.gpu, 0, 0, state.sh_degree)?)?;
+        self.optimizer = Optimizer::new(self.gpu, Model::zeros(self.gpu, 0, 0, degree)?)?;
         self.gpu.wait()?;
-        let model = Model::zeros(self.gpu, n, stride, state.sh_degree)?;
+        let model = Model::zeros(self.gpu, n, stride, degree)?;
         self.optimizer = Optimizer::new(self.gpu, model)?;
         let mut rest = buffers;
         for (buffer, len) in self.optimizer.buffers().into_iter().zip(lens) {

@@ -128,7 +128,7 @@ fn without_weights_one_line_says_what_to_download() {
 #[test]
 fn files_that_are_no_weights_are_refused_by_what_they_are() {
     let dir = tempfile::tempdir().expect("a folder");
-    refused(dir.path(), &["is no file", "model.safetensors"]);
+    refused(dir.path(), &["is not a file", "model.safetensors"]);
     let path = dir.path().join("model.safetensors");
     refused(&path, &["cannot read", "137 MB", "541 MB", "Apache-2.0"]);
     for (bytes, what) in [
@@ -141,7 +141,7 @@ fn files_that_are_no_weights_are_refused_by_what_they_are() {
         (b"", "fewer than 8 bytes"),
         (b"\xff\xff\xff\xff\xff\xff\xff\xff", "announce a header"),
         (b"\x02\0\0\0\0\0\0\0{}", "no vision transformer"),
-        (b"\x02\0\0\0\0\0\0\0[]", "no safetensors file"),
+        (b"\x02\0\0\0\0\0\0\0[]", "not a safetensors file"),
     ] {
         fs::write(&path, bytes).expect("writes");
         refused(&path, &[what, "download"]);

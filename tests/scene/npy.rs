@@ -44,7 +44,7 @@ fn confidences_are_read_from_every_float_array_of_a_vector() {
             npy(&values[1..], &format!("({},)", n - 1)),
             "confidences for a cloud of",
         ),
-        (npy(&values, "(2, 3)"), "[2, 3] is no vector"),
+        (npy(&values, "(2, 3)"), "[2, 3] is not a vector"),
         (npy(&values, "(4294967296,)"), "counts below 2^32"),
         (
             npy(&values, "(4294967295,)"),
@@ -54,7 +54,7 @@ fn confidences_are_read_from_every_float_array_of_a_vector() {
         (npy_with(&header("<i4", &shape), &data), "type is `<i4`"),
         (npy_with(&header("|O", &shape), &data), "type is `|O`"),
         (npy_with("{}", &data), "lacks `descr` or `shape`"),
-        (npy_with("[]", &data), "is no dict"),
+        (npy_with("[]", &data), "is not a dict"),
         (npy_with("{'a': 1, }", &data), "unknown keys"),
         (
             npy_with("{'descr': '<f4', 'shape': 7, }", &data),

@@ -255,17 +255,17 @@ fn faulty_transforms_are_refused_with_frame_and_key() {
         (
             "transform_matrix",
             json!([[0, 0, 0, 2], [0, 0, 0, 3], [0, 0, 0, 4]]),
-            ["frame 0", "no rigid motion"],
+            ["frame 0", "not a rigid motion"],
         ),
         (
             "transform_matrix",
             json!([[1, 0.1, 0, 2], [0, 1, 0, 3], [0, 0, 1, 4]]),
-            ["frame 0", "no rigid motion"],
+            ["frame 0", "not a rigid motion"],
         ),
         (
             "transform_matrix",
             json!([[1e308, 0, 0, 2], [0, 1e308, 0, 3], [0, 0, 1e308, 4]]),
-            ["frame 0", "no rigid motion"],
+            ["frame 0", "not a rigid motion"],
         ),
     ] {
         let changed = |file: &mut Value| {

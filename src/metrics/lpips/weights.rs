@@ -74,7 +74,7 @@ fn read_bounded(path: &Path) -> Result<Vec<u8>> {
     let is_bounded = |meta: std::fs::Metadata| meta.is_file() && meta.len() <= MAX_BYTES;
     if std::fs::metadata(path).is_ok_and(|meta| !is_bounded(meta)) {
         return Err(Error::new(format!(
-            "is no file of at most {MAX_BYTES} bytes, as LPIPS weights are"
+            "is not a file of at most {MAX_BYTES} bytes, as LPIPS weights are"
         ))
         .at_path(path)
         .way_out(format!("make it with {WEIGHTS_RECIPE}")));

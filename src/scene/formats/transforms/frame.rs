@@ -80,7 +80,7 @@ pub(super) fn pose(matrix: Option<&Value>) -> Result<Option<Pose>> {
     let scale = determinant.cbrt();
     let rotation = nearest_rotation(axes * (1.0 / scale))
         .filter(|_| position.is_finite())
-        .ok_or_else(|| wrong("is no rigid motion"))?;
+        .ok_or_else(|| wrong("is not a rigid motion"))?;
     // OpenGL's axes to ours: y down, z forward.
     let rotation = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)) * rotation.transpose();
     Ok(Some(Pose {

@@ -271,7 +271,7 @@ fn read_split(folder: &Folder, file: &Object) -> Result<Option<NamedSplit>> {
             return Ok(None);
         };
         let names: Vec<String> = serde_json::from_value(value.clone())
-            .map_err(|_| Error::new(format!("`{key}` is no list of file names")))?;
+            .map_err(|_| Error::new(format!("`{key}` is not a list of file names")))?;
         let name = |name: &String| Ok(with_suffix(folder, relative(name)?));
         let names: Result<_> = names.iter().map(name).collect();
         names.map(Some).map_err(|e| e.at(format_args!("`{key}`")))
