@@ -173,7 +173,6 @@ fn fronts(scene: &Scene, frame: &Frame, views: &[Camera], near: f64) -> Result<V
         depth_tolerance: 0.0,
         filter_window_px: 1,
         filter_min_neighbors: 0,
-        min_confidence: 0.0,
     };
     let depths = splat_depths(&scene.cloud, frame, (views, &[]), &bare, near)?;
     let fronts = depths.iter().zip(views).map(|(depths, view)| {

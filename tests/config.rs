@@ -346,7 +346,6 @@ fn values_out_of_range_are_refused_with_key_and_value() {
         "splat.filter_window_px=4",
         "splat.filter_window_px=4294967295",
         "splat.filter_min_neighbors=25",
-        "splat.min_confidence=1.1",
         "model.sh_degree=4",
         "model.sh_interval=0",
         "model.initial_opacity=1",

@@ -2,10 +2,8 @@
 
 use glam::{DVec3, Vec3, dvec3};
 use gspotential::camera::Frame;
-use gspotential::config::ModelConfig;
 use gspotential::gaussians::Gaussians;
 use gspotential::gaussians::splat::write_splat;
-use gspotential::scene::PointCloud;
 
 use crate::gaussians_ply::distinct;
 use crate::geometry::{Random, cloud, paper};
@@ -180,47 +178,6 @@ fn gaussians_that_cannot_be_drawn_are_counted() {
     gaussians.rotations_wxyz[2][3] = f32::NEG_INFINITY;
     gaussians.opacity_logits[3] = f32::NAN;
     assert_eq!(gaussians.n_broken(), 4);
-}
-
-#[test]
-fn opacities_follow_the_confidence_where_asked() {
-    let n = 9;
-    let mut points = cloud((0..n).map(|i| dvec3(f64::from(i), 0.0, 0.0)).collect());
-    let mut config = paper().model;
-    let opacities = |points: &PointCloud, config: &ModelConfig| -> Vec<f64> {
-        let start = Gaussians::from_cloud(points, &Frame::IDENTITY, config).unwrap();
-        let opacity = |l: &f32| 1.0 / (1.0 + f64::from(-l).exp());
-        start.opacity_logits.iter().map(opacity).collect()
-    };
-    let plain = opacities(&points, &config);
-    assert!(plain.iter().all(|o| close(*o, 0.1)));
-    // The median is 4: confidences count up to there, and 0 is held above nothing.
-    points.confidence = Some((0..n).map(|i| i as f32).collect());
-    assert_eq!(opacities(&points, &config), plain);
-    config.confidence_opacity = true;
-    let expected = [0.001, 0.025, 0.05, 0.075, 0.1, 0.1, 0.1, 0.1, 0.1];
-    let weighted = opacities(&points, &config);
-    assert!(
-        weighted.iter().zip(expected).all(|(a, b)| close(*a, b)),
-        "{weighted:?}"
-    );
-    // In another unit they say the same.
-    points.confidence = Some((0..n).map(|i| 1e-3 * i as f32).collect());
-    assert!(
-        opacities(&points, &config)
-            .iter()
-            .zip(expected)
-            .all(|(a, b)| close(*a, b))
-    );
-    // Mostly 0, others count fully.
-    points.confidence = Some((0..n).map(|i| if i > 6 { 0.5 } else { 0.0 }).collect());
-    let masked = opacities(&points, &config);
-    assert!(
-        close(masked[0], 0.001) && close(masked[8], 0.1),
-        "{masked:?}"
-    );
-    points.confidence = None;
-    assert_eq!(opacities(&points, &config), plain);
 }
 
 /// Value by value as viewers read the format, from another model than the writer's.

@@ -19,7 +19,6 @@ fn config(footprint: Footprint, filter_window_px: u32, filter_min_neighbors: u32
         depth_tolerance: 0.02,
         filter_window_px,
         filter_min_neighbors,
-        min_confidence: 0.0,
     }
 }
 
@@ -494,40 +493,4 @@ fn an_empty_cloud_gives_empty_masks() {
         &config(Footprint::Disc, 5, 2),
     );
     assert_eq!(image.rgba, vec![0; 16 * 12 * 4]);
-}
-
-#[test]
-fn points_of_little_confidence_are_not_drawn() {
-    let mut points = random_cloud(21, 600);
-    points.confidence = Some((0..600).map(|i| (i % 7) as f32 * 2.0).collect());
-    let camera = camera(dvec3(3.0, 1.0, 2.0), DVec3::ZERO);
-    let drawn = |cloud: &PointCloud, min_confidence: f64| {
-        let config = SplatConfig {
-            min_confidence,
-            ..config(Footprint::Disc, 5, 0)
-        };
-        splat(cloud, &camera, &config)
-    };
-    // The median is 6, so that 0.4 leaves out confidences of 0 and 2.
-    let mut sure = points.clone();
-    let keep = |i: usize| i % 7 >= 2;
-    sure.positions = (0..600)
-        .filter(|i| keep(*i))
-        .map(|i| points.positions[i])
-        .collect();
-    sure.colors = (0..600)
-        .filter(|i| keep(*i))
-        .map(|i| points.colors[i])
-        .collect();
-    sure.confidence = None;
-    assert!(drawn(&points, 0.4) == drawn(&sure, 0.0));
-    assert!(
-        drawn(&points, 0.4) == drawn(&sure, 1.0),
-        "a cloud without confidence is sure"
-    );
-    assert!(drawn(&points, 0.4) != drawn(&points, 0.0));
-    assert!(drawn(&points, 0.4) != drawn(&points, 0.7));
-    let mut unrated = points.clone();
-    unrated.confidence = None;
-    assert!(drawn(&points, 0.0) == drawn(&unrated, 0.0));
 }

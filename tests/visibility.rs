@@ -21,7 +21,6 @@ const BARE: SplatConfig = SplatConfig {
     depth_tolerance: 0.02,
     filter_window_px: 1,
     filter_min_neighbors: 0,
-    min_confidence: 0.0,
 };
 
 fn config() -> VisibilityConfig {

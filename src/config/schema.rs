@@ -207,9 +207,6 @@ section! {
         filter_window_px: u32 = 5, odd_window();
         /// Pixels with fewer valid neighbours in the window are removed; 0 switches the filter off.
         filter_min_neighbors: u32 = 2, within(0.0, 3968.0).unit("pixels");
-        /// Points whose confidence is below this share of the cloud's median are not drawn; 0 draws
-        /// all, as do clouds without confidence.
-        min_confidence: f64 = 0.0, within(0.0, 1.0);
     }
 }
 
@@ -232,8 +229,6 @@ section! {
         sh_interval: u32 = 1000, within(1.0, U32).unit("iterations");
         /// Opacity of every Gaussian at the start.
         initial_opacity: f64 = 0.1, between(0.0, 1.0);
-        /// Gaussians start with `initial_opacity * min(1, confidence / median confidence)`.
-        confidence_opacity: bool = false, any();
         /// Near plane, as a share of the scene's extent: `R`, or twice the median distance of the training
         /// cameras from the focus where that is less, so that a camera far away clips nothing of the others'.
         near: f64 = 0.01, between(0.0, 1.0);

@@ -27,9 +27,6 @@ const MIN_OPACITY: f32 = 1.0 / 255.0;
 /// Lower bound of the mean squared neighbour distance, in `R^2` (3DGS: 1e-7 in world units).
 const MIN_SQUARED_DISTANCE: f64 = 1e-7;
 
-/// A Gaussian starts with at least this share of the initial opacity, for its logit to be finite.
-const MIN_RELATIVE_OPACITY: f64 = 0.01;
-
 /// Scale of a cloud's only point, in `R`.
 const LONE_SCALE: f64 = 0.01;
 
@@ -124,8 +121,7 @@ impl Gaussians {
 
     /// Makes the Gaussians that training starts from: one a cloud point, isotropic, as large as the
     /// root mean square distance to the three nearest other points (3DGS), unrotated, of the
-    /// cloud's colour from everywhere, and of `config.initial_opacity`, which
-    /// `config.confidence_opacity` multiplies by [`PointCloud::relative_confidence`].
+    /// cloud's colour from everywhere, and of `config.initial_opacity`.
     ///
     /// Scales are bounded below as in 3DGS, for points that coincide.
     ///
@@ -148,7 +144,7 @@ impl Gaussians {
                 config.sh_degree
             )));
         }
-        let opacity_logits = initial_opacity_logits(cloud, config)?;
+        let opacity_logits = vec![initial_opacity_logit(config)?; cloud.len()];
         let means: Vec<Vec3> = cloud
             .positions
             .iter()
@@ -207,23 +203,16 @@ pub fn n_sh(sh_degree: u32) -> usize {
     (sh_degree as usize + 1).pow(2)
 }
 
-/// Returns `ln(o / (1 - o))` of the opacity that each point's Gaussian starts with.
-fn initial_opacity_logits(cloud: &PointCloud, config: &ModelConfig) -> Result<Vec<f32>> {
-    let logit = |opacity: f64| (opacity / (1.0 - opacity)).ln() as f32;
-    let full = logit(config.initial_opacity);
-    if !full.is_finite() {
+/// `ln(o / (1 - o))` of the opacity that Gaussians start with.
+fn initial_opacity_logit(config: &ModelConfig) -> Result<f32> {
+    let logit = (config.initial_opacity / (1.0 - config.initial_opacity)).ln() as f32;
+    if !logit.is_finite() {
         return Err(Error::usage(format!(
             "model.initial_opacity is {}, but must lie between 0 and 1",
             config.initial_opacity
         )));
     }
-    Ok(match cloud.relative_confidence() {
-        Some(confidence) if config.confidence_opacity => confidence
-            .iter()
-            .map(|c| logit(config.initial_opacity * c.max(MIN_RELATIVE_OPACITY)))
-            .collect(),
-        _ => vec![full; cloud.len()],
-    })
+    Ok(logit)
 }
 
 /// Returns the root mean square distance to the three nearest other points, bounded below; one a

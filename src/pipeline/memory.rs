@@ -97,12 +97,7 @@ fn splatting_bytes(scene: &Scene, config: &Config) -> u64 {
         true => visibility::bytes_a_point(scene.train.len()),
         false => 0,
     };
-    // Confidences are copied to find their median, and held as shares of it.
-    let confidence = match scene.cloud.confidence {
-        Some(_) => size_of::<f32>() + size_of::<f64>(),
-        None => 0,
-    };
-    (scene.cloud.len() * (splat::BYTES_A_POINT + visibility + confidence)) as u64
+    (scene.cloud.len() * (splat::BYTES_A_POINT + visibility)) as u64
 }
 
 fn gaussian_bytes(gaussians: &Gaussians) -> u64 {

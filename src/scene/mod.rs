@@ -197,22 +197,6 @@ impl PointCloud {
         hasher.finalize()
     }
 
-    /// Returns `clamp(c_i / median(c), 0, 1)` of the confidences `c`, one a point: their scale
-    /// differs between the programs that write them, but half of a cloud counts as sure in all. If
-    /// the median is 0, points are sure or not at all.
-    pub fn relative_confidence(&self) -> Option<Vec<f64>> {
-        let confidence = self.confidence.as_ref().filter(|c| !c.is_empty())?;
-        let mut sorted = confidence.clone();
-        let middle = sorted.len() / 2;
-        let median = f64::from(*sorted.select_nth_unstable_by(middle, f32::total_cmp).1);
-        let relative = |c: &f32| match f64::from(*c) {
-            c if median > 0.0 => (c / median).clamp(0.0, 1.0),
-            c if c > 0.0 => 1.0,
-            _ => 0.0,
-        };
-        Some(confidence.iter().map(relative).collect())
-    }
-
     /// Keeps the points that `kept`, one entry a point, says true of, in their order.
     pub fn retain(&mut self, kept: &[bool]) {
         fn filter<T: Copy>(values: &mut Vec<T>, kept: &[bool]) {

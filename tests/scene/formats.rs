@@ -212,7 +212,6 @@ fn every_format_trains_from_the_command_line() {
         let runs = tempfile::tempdir().expect("a folder");
         let out = runs.path().join("run");
         let train = "train --iterations 3 --set views.count=2 --set field.n_candidates=64 \
-                     --set model.confidence_opacity=true --set splat.min_confidence=0.5 \
                      --max-points 100";
         let [scene, out] = [folder.path(), &out].map(|p| p.to_str().expect("UTF-8"));
         let places = ["--scene", scene, "--out", out];

@@ -68,8 +68,7 @@ impl SplatImage {
 /// frame. Depths are compared rounded to f32, and of equal ones the lower index is the nearer. Then
 /// the connectivity filter empties covered pixels with fewer than `config.filter_min_neighbors`
 /// other covered pixels in their window, all decided on the unfiltered mask. Points nearer than
-/// `near`, canonical, are not drawn, nor are those whose [`PointCloud::relative_confidence`] is
-/// below `config.min_confidence`.
+/// `near`, canonical, are not drawn.
 ///
 /// Memory: 4 bytes a pixel for every camera, and for every thread at work 9 a pixel, or 25 for
 /// discs. The result does not depend on the number of threads.
@@ -165,7 +164,7 @@ pub fn splat_depths(
         .collect())
 }
 
-/// Returns the points of `cloud` that `config` draws.
+/// The points of `cloud`, as `config` draws them.
 fn drawn_points(
     cloud: &PointCloud,
     frame: &Frame,
@@ -173,9 +172,6 @@ fn drawn_points(
     config: &SplatConfig,
 ) -> Result<Points> {
     let mut points = Points::new(cloud, frame)?;
-    if let Some(confidence) = cloud.relative_confidence() {
-        points.hide(confidence.iter().map(|c| *c < config.min_confidence));
-    }
     if config.footprint == Footprint::Disc {
         points.measure_discs(frame, sources);
     }

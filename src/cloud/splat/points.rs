@@ -60,7 +60,7 @@ impl Points {
         self.x.len()
     }
 
-    /// Returns a point's canonical place; NaN for one that is [hidden](Points::hide).
+    /// A place, canonical.
     pub(crate) fn position(&self, point: usize) -> DVec3 {
         DVec3::new(self.x[point], self.y[point], self.z[point])
     }
@@ -91,16 +91,6 @@ impl Points {
         self.radii = places
             .map(|((x, y), z)| radius(DVec3::new(*x, *y, *z)))
             .collect();
-    }
-
-    /// Draws no point from now on that `hidden`, one entry a point, says true of.
-    pub(crate) fn hide(&mut self, hidden: impl Iterator<Item = bool>) {
-        for (z, hidden) in self.z.iter_mut().zip(hidden) {
-            if hidden {
-                // Nothing that is NaN is drawn.
-                *z = f64::NAN;
-            }
-        }
     }
 
     /// Draws all points into a canonical `camera`'s `z_buffer`, which is emptied first, as `config`
