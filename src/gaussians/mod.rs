@@ -203,7 +203,7 @@ pub fn n_sh(sh_degree: u32) -> usize {
     (sh_degree as usize + 1).pow(2)
 }
 
-/// `ln(o / (1 - o))` of the opacity that Gaussians start with.
+/// Returns `ln(o / (1 - o))` of the opacity that Gaussians start with.
 fn initial_opacity_logit(config: &ModelConfig) -> Result<f32> {
     let logit = (config.initial_opacity / (1.0 - config.initial_opacity)).ln() as f32;
     if !logit.is_finite() {

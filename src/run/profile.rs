@@ -54,7 +54,7 @@ pub struct Sample {
 }
 
 impl StepProfile {
-    /// `times` are sums over the timed iterations.
+    /// Makes the means; `times` are sums over the timed iterations.
     pub fn new(times: &BTreeMap<&'static str, KernelTime>, sample: Sample) -> StepProfile {
         let Sample {
             timed,

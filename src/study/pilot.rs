@@ -222,7 +222,7 @@ impl Surveyed {
         map.to_svg()
     }
 
-    /// Pairs of cameras with no third as near to the middle between them as they are. Opposite
+    /// Finds the pairs of cameras with no third as near to the middle between them as they are. Opposite
     /// cameras have no middle.
     fn neighbours(&self) -> Vec<Neighbours> {
         let at = |i: usize| self.trained[i].1;

@@ -164,7 +164,7 @@ pub fn splat_depths(
         .collect())
 }
 
-/// The points of `cloud`, as `config` draws them.
+/// Returns the points of `cloud`, as `config` draws them.
 fn drawn_points(
     cloud: &PointCloud,
     frame: &Frame,

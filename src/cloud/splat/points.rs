@@ -60,7 +60,7 @@ impl Points {
         self.x.len()
     }
 
-    /// A place, canonical.
+    /// Returns a point's canonical place.
     pub(crate) fn position(&self, point: usize) -> DVec3 {
         DVec3::new(self.x[point], self.y[point], self.z[point])
     }
