@@ -172,8 +172,8 @@ impl Config {
         Ok(values.collect())
     }
 
-    /// Returns the values that differ from the preset's, in the order of the keys; the seed is none of
-    /// them.
+    /// Returns the values that differ from the preset's, in the order of the keys; the seed is none
+    /// of them.
     pub fn changes(&self) -> Result<Vec<Difference>> {
         let mut changes = self.differences(&Config::preset(&self.preset)?)?;
         changes.retain(|change| change.key != "seed");

@@ -12,7 +12,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::DepthMap;
-use super::edges::is_edge;
+use super::edges::{interpolated, is_edge};
 use super::luma::Luma;
 use crate::camera::Camera;
 
@@ -70,11 +70,8 @@ struct Moved<'a> {
 }
 
 impl<'a> Moved<'a> {
-    fn of(view: usize, states: &'a [State]) -> Moved<'a> {
-        Moved {
-            view,
-            state: &states[view],
-        }
+    fn new(view: usize, state: &'a State) -> Moved<'a> {
+        Moved { view, state }
     }
 }
 
@@ -230,7 +227,8 @@ impl<'a> Problem<'a> {
     fn residual(&self, states: &[State]) -> f64 {
         let sums = self.pairs().into_par_iter().map(|(i, j)| {
             let costs = self.samples[i].iter().map(|sample| {
-                match self.residuals(Moved::of(i, states), Moved::of(j, states), *sample) {
+                let (from, to) = (Moved::new(i, &states[i]), Moved::new(j, &states[j]));
+                match self.residuals(from, to, *sample) {
                     Some(residuals) => residuals.iter().map(|r| r * r / (1.0 + r * r)).sum::<f64>(),
                     None => 2.0,
                 }
@@ -336,14 +334,7 @@ impl<'a> Problem<'a> {
         let mut slope = [0.0; 2 * PARAMETERS];
         for sample in &self.samples[i] {
             let at = |from: &State, to: &State| {
-                let (from, to) = (
-                    Moved {
-                        view: i,
-                        state: from,
-                    },
-                    Moved { view: j, state: to },
-                );
-                self.residuals(from, to, *sample)
+                self.residuals(Moved::new(i, from), Moved::new(j, to), *sample)
             };
             let Some(base) = at(&states[i], &states[j]) else {
                 continue;
@@ -400,27 +391,4 @@ impl<'a> Problem<'a> {
             .map(|(state, step)| state.moved(*step, self.unit));
         Some(next.collect())
     }
-}
-
-/// Returns the depth between four pixels of one surface.
-fn interpolated(map: &DepthMap, place: DVec2) -> Option<f64> {
-    let corner = place - DVec2::splat(0.5);
-    if corner.x < 0.0 || corner.y < 0.0 {
-        return None;
-    }
-    let (x, y) = (corner.x as usize, corner.y as usize);
-    if x + 1 >= map.camera.width as usize || y + 1 >= map.camera.height as usize {
-        return None;
-    }
-    let (s, t) = (corner.x - x as f64, corner.y - y as f64);
-    let [a, b, c, d] = [
-        map.at(x, y)?,
-        map.at(x + 1, y)?,
-        map.at(x, y + 1)?,
-        map.at(x + 1, y + 1)?,
-    ];
-    if is_edge(map, x, y, a) {
-        return None;
-    }
-    Some((1.0 - t) * ((1.0 - s) * a + s * b) + t * ((1.0 - s) * c + s * d))
 }

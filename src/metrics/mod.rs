@@ -123,7 +123,8 @@ fn check_size(image: &impl Pixels) -> Result<()> {
     Ok(())
 }
 
-/// Counts the set pixels of a mask for two images that [`check_pair`] accepts; `None` if it is empty.
+/// Counts the set pixels of a mask for two images that [`check_pair`] accepts; `None` if it is
+/// empty.
 fn n_masked(render: &impl Pixels, truth: &impl Pixels, mask: &[bool]) -> Result<Option<usize>> {
     let (width, height) = check_pair(render, truth)?;
     let n_pixels = width * height;

@@ -1,5 +1,5 @@
-//! This module makes what training leaves beside the model: its cameras, the sheet of virtual views, and
-//! records of poses and of the model's size.
+//! This module makes what training leaves beside the model: its cameras, the sheet of virtual
+//! views, and records of poses and of the model's size.
 
 use super::cameras;
 use crate::camera::{Camera, Motion};

@@ -1,4 +1,5 @@
-//! This module decodes the photographs of a scene into views, and counts what a user must know of them.
+//! This module decodes the photographs of a scene into views, and counts what a user must know of
+//! them.
 
 use std::collections::BTreeMap;
 

@@ -88,8 +88,8 @@ pub(super) struct Folders<'a> {
     pub images: &'a Path,
 }
 
-/// Finds each camera's photograph in its folder by name, as [`Folder::find`] does: a file that is some
-/// pose's by its own path is no other's, and one that two poses could mean is neither's. DUSt3R
+/// Finds each camera's photograph in its folder by name, as [`Folder::find`] does: a file that is
+/// some pose's by its own path is no other's, and one that two poses could mean is neither's. DUSt3R
 /// pipelines, for one, name every image with the first one's suffix. Poses and photographs without
 /// their counterpart are counted in `warnings`.
 ///

@@ -1,5 +1,5 @@
-//! This module finds and reads the cloud that comes with a scene, with its confidences, and tells if it
-//! is stale.
+//! This module finds and reads the cloud that comes with a scene, with its confidences, and tells
+//! if it is stale.
 
 use std::fs::File;
 use std::io::Read;

@@ -222,8 +222,8 @@ impl Surveyed {
         map.to_svg()
     }
 
-    /// Finds the pairs of cameras with no third as near to the middle between them as they are. Opposite
-    /// cameras have no middle.
+    /// Finds the pairs of cameras with no third as near to the middle between them as they are.
+    /// Opposite cameras have no middle.
     fn neighbours(&self) -> Vec<Neighbours> {
         let at = |i: usize| self.trained[i].1;
         let n = self.trained.len();

@@ -82,8 +82,8 @@ struct Draw {
     rotation_wxyz: Option<[f64; 4]>,
 }
 
-/// How far apart depths in one camera are at least, unless a case says otherwise: what single precision tells apart at a depth of
-/// some units.
+/// Least distance of two depths in one camera, unless a case says otherwise: single precision tells
+/// it at depths of some units.
 const DEPTH_GAP: f64 = 1e-5;
 
 /// The cameras of a case, and how far apart depths in one of them are at least.

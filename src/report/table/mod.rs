@@ -86,8 +86,8 @@ impl Table {
             .collect()
     }
 
-    /// Returns the table for programs: numbers in full, each figure followed by its standard deviation
-    /// in a column `KEY_deviation`.
+    /// Returns the table for programs: numbers in full, each figure followed by its standard
+    /// deviation in a column `KEY_deviation`.
     ///
     /// # Errors
     /// None that a table's content can cause.
@@ -174,8 +174,8 @@ impl fmt::Display for Table {
     }
 }
 
-/// Writes records as CSV, a line each, under a header of their fields' names; `name` is that of their
-/// file.
+/// Writes records as CSV, a line each, under a header of their fields' names; `name` is that of
+/// their file.
 pub(crate) fn records_csv<R: Serialize>(
     name: &str,
     records: impl IntoIterator<Item = R>,
