@@ -58,7 +58,7 @@ fn confidences_are_read_from_every_float_array_of_a_vector() {
         (npy_with("{'a': 1, }", &data), "unknown keys"),
         (
             npy_with("{'descr': '<f4', 'shape': 7, }", &data),
-            "no tuple",
+            "not a tuple",
         ),
         (npy_with("{'descr': '<f4', shape}", &data), "malformed"),
     ] {
