@@ -275,6 +275,9 @@ fn metrics(pose_protocol: PoseProtocol) -> Metrics {
         model_size: Vec::new(),
         refined_poses: Vec::new(),
         curve: Vec::new(),
+        signal: Vec::new(),
+        trims: Vec::new(),
+        chosen: Vec::new(),
     }
 }
 

@@ -91,6 +91,9 @@ impl Made {
             model_size: Vec::new(),
             refined_poses: Vec::new(),
             curve: Vec::new(),
+            signal: Vec::new(),
+            trims: Vec::new(),
+            chosen: Vec::new(),
         }
     }
 

@@ -107,6 +107,11 @@ fn own_preset_differs_from_the_paper_in_its_parts_alone() {
         "densify.enabled=false",
         "iterations=7000",
         "loss.fill_weight=0.3",
+        "need.ends=true",
+        "need.hold_out=8",
+        "need.prune=true",
+        "need.settle_share=0.2",
+        "optimizer.mean_lr_end=0.00016",
         "scene.pixels_a_point=4.0",
         "shell.count=500",
         "views.visibility.enabled=true",
@@ -119,7 +124,16 @@ fn own_preset_differs_from_the_paper_in_its_parts_alone() {
 
 #[test]
 fn the_fast_preset_is_the_default_one_with_less_to_do() {
-    let expected = ["iterations=700", "model.sh_degree=0", "views.count=64"];
+    let expected = [
+        "iterations=700",
+        "model.sh_degree=0",
+        "need.ends=false",
+        "need.hold_out=0",
+        "need.prune=false",
+        "need.settle_share=0.0",
+        "optimizer.mean_lr_end=1.6e-6",
+        "views.count=64",
+    ];
     assert_eq!(told("fast", "gspotential"), expected);
 }
 

@@ -27,6 +27,7 @@ mod masked;
 mod memory;
 mod metrics;
 mod moved;
+mod need;
 mod page;
 mod peers;
 mod plot;

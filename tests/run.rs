@@ -9,7 +9,7 @@ use gspotential::run::{
     peak_host_bytes,
 };
 use gspotential::scene::PoseProtocol;
-use gspotential::train::{ImageLoss, LossSample};
+use gspotential::train::{ImageLoss, LossSample, SignalPoint, Trim};
 use serde_json::Value;
 
 fn config() -> Config {
@@ -224,6 +224,7 @@ fn time_to_the_model_is_from_loading_to_writing_without_evaluation() {
         to_first_iteration: power(12),
         first_iteration: power(13),
         densify: power(14),
+        signal: power(18),
         checkpoints: power(15),
         eval: power(16),
         report: power(17),
@@ -296,6 +297,22 @@ fn metrics_read_back_and_keep_what_may_vary_apart() {
             psnr: Some(20.5),
             ssim: None,
         }],
+        signal: vec![SignalPoint {
+            iteration: 5,
+            n_gaussians: 3,
+            held_out: 21.5,
+            photographs: None,
+        }],
+        trims: vec![Trim {
+            iteration: 5,
+            n_before: 4,
+            n_after: 3,
+            allowed_db: 0.05,
+            over_budget: 0,
+            cost_db: -0.01,
+            contribution: 0.125,
+        }],
+        chosen: vec!["3 Gaussians of 4".into()],
     };
     run.write_metrics(&metrics).unwrap();
     assert_eq!(run.metrics().unwrap(), metrics);

@@ -26,7 +26,8 @@ pub(crate) fn text(dry: &DryRun) -> String {
     row("preparation", short_time(dry.prepare_s));
     row("an iteration", format!("{:.1} ms", 1e3 * dry.iteration_s));
     let all = f64::from(dry.n_iterations) * dry.iteration_s;
-    let iterations = format!("{} iterations", dry.n_iterations);
+    let most = if dry.may_end { "at most " } else { "" };
+    let iterations = format!("{most}{} iterations", dry.n_iterations);
     row(&iterations, short_time(all));
     format!(
         "{table}\n{}\nMeasured over the first iterations; time and memory grow with the Gaussians and with the \

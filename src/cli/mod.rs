@@ -1,5 +1,6 @@
 //! The commands live here. Logs go to stderr, tables to stdout.
 
+mod budget;
 mod completions;
 mod doctor;
 mod dry_run;

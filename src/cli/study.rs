@@ -47,7 +47,7 @@ pub(crate) struct StudyArgs {
     #[arg(long, value_name = "PX")]
     max_size: Option<u32>,
 
-    /// Thin the point cloud evenly to N points [preset: as many as training pixels]
+    /// Thin the point cloud evenly to N points [preset: one for each training pixel, in `gspotential` and `fast` one for four]
     #[arg(long, value_name = "N")]
     max_points: Option<usize>,
 

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::budget::{Budget, Decibels};
 use super::dry_run;
 use super::measure::MeasureArgs;
 use crate::config::{Config, PRESETS};
@@ -25,7 +26,7 @@ Examples:
 A config file is a JSON object that states what it changes, as in
   {\"preset\": \"paper\", \"iterations\": 3000, \"views\": {\"count\": 64}}
 The config.json of any run is one, too, and lists every key. Later wins: preset, file, --set,
-then the options of their own (--iterations, --max-size, --max-points, --seed).";
+then the options of their own (--iterations, --gaussians, --max-size, --max-points, --seed).";
 
 /// Train a scene and evaluate it at its test views
 #[derive(Debug, Args)]
@@ -62,9 +63,23 @@ pub(crate) struct TrainArgs {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     settings: Vec<String>,
 
-    /// Training iterations, instead of the preset's (7000 in the default)
+    /// Train for N iterations; the default ends when views that it holds out have stopped rising, 7000 at most
     #[arg(long, value_name = "N")]
     iterations: Option<u32>,
+
+    /// Start from N Gaussians of the cloud and prune none for contributing little; the default decides
+    #[arg(long, value_name = "N", conflicts_with = "max_points")]
+    gaussians: Option<usize>,
+
+    /// Keep within a size or a time, or both if given twice, as in 20MB or 3min: what contributes least goes until the
+    /// file fits; training has as many iterations as the first ones say there is time for
+    #[arg(long, value_name = "BUDGET")]
+    budget: Vec<Budget>,
+
+    /// Let it cost at most DB dB of the views that decide to prune what contributes least, and end when a half more iterations
+    /// would bring less [preset: 0.05dB]
+    #[arg(long, value_name = "DB")]
+    tolerance: Option<Decibels>,
 
     /// Scale images down until their longer side is PX pixels [preset: 1600 wide]
     #[arg(long, value_name = "PX")]
@@ -111,7 +126,7 @@ pub(crate) struct TrainArgs {
     /// Go on with a run that was stopped, with everything as it was started; how it is measured
     /// may be said again
     #[arg(long, value_name = "RUN", conflicts_with_all = [
-        "scene", "photographs", "weights", "out", "preset", "config", "settings", "iterations", "max_size", "max_points",
+        "scene", "photographs", "weights", "out", "preset", "config", "settings", "iterations", "gaussians", "budget", "tolerance", "max_size", "max_points",
         "seed", "refine_poses", "train_views", "test_views", "cloud", "eval_every", "overwrite",
         "dry_run",
     ])]
@@ -194,7 +209,24 @@ impl TrainArgs {
                 .set(setting)
                 .map_err(|e| e.at(format!("--set {setting}")))?;
         }
-        config.iterations = self.iterations.unwrap_or(config.iterations);
+        if let Some(iterations) = self.iterations {
+            config.iterations = iterations;
+            config.need.ends = false;
+        }
+        if let Some(n) = self.gaussians {
+            config.scene.max_points = Some(n);
+            config.need.prune = false;
+        }
+        for budget in &self.budget {
+            match *budget {
+                Budget::Megabytes(most) => config.need.max_mb = Some(most),
+                Budget::Seconds(most) => config.need.max_s = Some(most),
+            }
+        }
+        if let Some(Decibels(db)) = self.tolerance {
+            config.need.tolerance_db = db;
+            config.need.least_gain_db = db;
+        }
         config.seed = self.seed.unwrap_or(config.seed);
         config.scene.max_size_px = self.max_size.or(config.scene.max_size_px);
         config.scene.max_points = self.max_points.or(config.scene.max_points);

@@ -5,12 +5,14 @@
 //! changes; so is a user's config file, which names under `"preset"` what it changes.
 
 mod declare;
+mod need;
 mod overlay;
 mod reference;
 mod schema;
 mod validate;
 
 pub use declare::{Allowed, Interval, Rule};
+pub use need::NeedConfig;
 pub use overlay::{Difference, PRESETS};
 pub use reference::{Key, keys, reference, summary};
 pub use schema::*;

@@ -2,6 +2,7 @@
 //!
 //! Lengths are relative to the sphere radius `R`. The defaults are the preset `paper`.
 
+use super::NeedConfig;
 use super::declare::{
     above_to, any, at_least, between, choice, from_below, odd_window, positive, section, within,
     zero_or,
@@ -17,7 +18,8 @@ section! {
         preset: String = "paper".to_owned(), any();
         /// Seeds every random choice.
         seed: u64 = 0, any();
-        /// Training iterations; each renders one real and, with virtual views, one virtual view.
+        /// Training iterations, with `need.ends` the most; each renders one real and, with virtual views,
+        /// one virtual view.
         iterations: u32 = 10_000, within(1.0, 1e8);
         /// What is loaded.
         scene: SceneConfig = SceneConfig::default(), any();
@@ -45,6 +47,8 @@ section! {
         densify: DensifyConfig = DensifyConfig::default(), any();
         /// Coverage-aware pruning and densification.
         coverage: CoverageConfig = CoverageConfig::default(), any();
+        /// What is chosen for the scene while it trains.
+        need: NeedConfig = NeedConfig::default(), any();
     }
 }
 

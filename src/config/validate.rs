@@ -86,6 +86,12 @@ impl Config {
                 self.model.initial_opacity
             ),
         )?;
+        ensure(
+            !self.need.chooses() || self.need.hold_out > 0,
+            "need.hold_out",
+            self.need.hold_out,
+            "2 or more with need.ends, need.prune or need.max_mb: held-out views decide",
+        )?;
         let visibility = self.views.visibility.enabled;
         ensure(
             !(visibility && self.views.strategy == Strategy::Interpolation),

@@ -74,6 +74,28 @@ impl Gaussians {
             && self.sh[i * n_sh..][..n_sh].iter().all(|c| c.is_finite())
     }
 
+    /// The same without the highest degrees in which no Gaussian has a coefficient.
+    pub fn without_empty_degrees(self) -> Gaussians {
+        let whole = 3 * self.n_sh();
+        let is_empty = |from: usize| {
+            let mut own = self.sh.chunks_exact(whole);
+            own.all(|sh| sh[from..].iter().all(|c| *c == 0.0))
+        };
+        let degree = (0..self.sh_degree).find(|degree| is_empty(3 * n_sh(*degree)));
+        let Some(sh_degree) = degree else {
+            return self;
+        };
+        let kept = self
+            .sh
+            .chunks_exact(whole)
+            .flat_map(|sh| &sh[..3 * n_sh(sh_degree)]);
+        Gaussians {
+            sh: kept.copied().collect(),
+            sh_degree,
+            ..self
+        }
+    }
+
     /// Returns the number of Gaussians that no view can show, whatever their opacity.
     pub fn n_broken(&self) -> usize {
         (0..self.len()).filter(|i| !self.is_whole(*i)).count()

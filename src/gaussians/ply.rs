@@ -36,6 +36,15 @@ fn property_names(sh_degree: u32) -> Vec<String> {
     names
 }
 
+/// Bytes that a header may take: 62 properties of the longest name, and the offset's comments.
+const MOST_HEADER_BYTES: usize = 2048;
+
+/// Most Gaussians of a degree whose file has at most so many bytes.
+pub fn most_in(bytes: usize, sh_degree: u32) -> usize {
+    let row = size_of::<f32>() * property_names(sh_degree).len();
+    bytes.saturating_sub(MOST_HEADER_BYTES) / row
+}
+
 /// Writes Gaussians of the canonical `frame` in the scene's own frame.
 ///
 /// # Errors

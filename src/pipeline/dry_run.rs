@@ -2,18 +2,13 @@
 
 use std::time::Instant;
 
+use super::calibrate::{iteration_s, within_time};
 use super::train::fitted;
 use super::{Forecast, Prepared, TrainJob, prepare};
 use crate::cloud::agreement::Agreement;
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::render::Kernels;
 use crate::run::{Seconds, peak_host_bytes};
-use crate::train::Trainer;
-
-/// Iterations that warm up kernels and buffers, and iterations that are timed.
-const N_WARM: u32 = 4;
-const N_TIMED: u32 = 8;
 
 /// A run as it starts. Nothing of it is written.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,6 +23,8 @@ pub struct DryRun {
     pub n_points: usize,
     /// Iterations that the whole run would take.
     pub n_iterations: u32,
+    /// Whether the run may end before.
+    pub may_end: bool,
     /// Gaussians that training starts from, those of the far shell among them.
     pub n_gaussians: usize,
     /// Gaussians at which growth stops; `None` if nothing grows.
@@ -72,41 +69,29 @@ pub fn dry_run(job: &TrainJob) -> Result<DryRun> {
     let prepare_s = begin.elapsed().as_secs_f64();
     let config = fitted(config, gpu, prepared.start.len())?;
     let memory = Forecast::new(gpu, &scene, &prepared, &config);
+    let iteration_s = iteration_s(gpu, &prepared, &config)?;
+    let mut timed = config.clone();
+    timed.need.iteration_s.get_or_insert(iteration_s);
     let Prepared {
         supervision, start, ..
     } = prepared;
-    let kernels = Kernels::new(gpu);
-    let mut trainer = Trainer::new(gpu, &kernels, &start, &supervision, &config)?;
-    let mut run = |from: u32, n: u32| -> Result<f64> {
-        let begin = Instant::now();
-        for iteration in from..from + n {
-            trainer.step(iteration, None);
-        }
-        // Steps that overflowed are taken again, with room, as training does.
-        while trainer.make_room()?.is_some() {
-            trainer.step(from, None);
-        }
-        gpu.wait()?;
-        Ok(begin.elapsed().as_secs_f64())
-    };
-    run(0, N_WARM)?;
-    let timed_s = run(N_WARM, N_TIMED)?;
     let camera = &supervision.real[0].camera;
     Ok(DryRun {
         n_training_views: scene.train.len(),
         n_test_views: scene.test.len(),
         n_points: scene.cloud.len(),
         scene: scene.source,
-        n_iterations: config.iterations,
+        n_iterations: within_time(timed).iterations,
+        may_end: config.need.ends,
         n_gaussians: start.len(),
         max_gaussians: config
             .densify
             .enabled
             .then_some(config.densify.max_gaussians),
-        n_virtual_views: supervision.virtual_views.len(),
+        n_virtual_views: supervision.virtual_views.len() + supervision.held_out.len(),
         image_size: [camera.width, camera.height],
         prepare_s,
-        iteration_s: timed_s / f64::from(N_TIMED),
+        iteration_s,
         agreement,
         memory,
         gpu_bytes: gpu.peak_bytes(),

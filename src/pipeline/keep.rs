@@ -173,6 +173,11 @@ impl<'a> Keeper<'a> {
         Ok(header.log)
     }
 
+    /// The run has been decided to have so many iterations.
+    pub(super) fn ends(&mut self, iterations: u32) {
+        self.iterations = iterations;
+    }
+
     pub(super) fn is_due(&self, done: u32) -> bool {
         let due = match self.every {
             Some(every) => done.is_multiple_of(every),

@@ -28,7 +28,8 @@ impl Forecast {
         let Prepared {
             supervision, start, ..
         } = prepared;
-        let goals = |views: &[TrainingView]| views.iter().map(|v| v.goal.bytes() as u64).sum();
+        let goals =
+            |views: &[TrainingView]| -> u64 { views.iter().map(|v| v.goal.bytes() as u64).sum() };
         let carved = prepared.carved.as_ref().map(|c| cloud_bytes(&c.cloud));
         let mut host = vec![
             ("the program and the driver", gpu.host_bytes_at_start()),
@@ -36,7 +37,7 @@ impl Forecast {
             ("their target images", goals(&supervision.real)),
             (
                 "target images of the virtual views",
-                goals(&supervision.virtual_views),
+                goals(&supervision.virtual_views) + goals(&supervision.held_out),
             ),
             ("test photographs", image_bytes(&scene.test)),
             (

@@ -1,6 +1,8 @@
 //! The stages run in a row here, as the commands call them.
 
 mod align;
+mod calibrate;
+mod chosen;
 mod depth;
 mod dry_run;
 mod evaluate;

@@ -119,9 +119,17 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
             coverage,
             &virtual_views,
             goals,
-            config.model.near,
+            config,
         )
     };
+    if config.need.hold_out > 0 && supervision.held_out.is_empty() {
+        warnings.push(format!(
+            "no virtual view is held out: there are {}, and one in {} is (need.hold_out) if it \
+             shows a point",
+            virtual_views.len(),
+            config.need.hold_out
+        ));
+    }
     seconds.gaussians = Some(clock.lap());
     Ok(Prepared {
         supervision,
@@ -224,7 +232,7 @@ fn supervision(
     coverage: Coverage,
     virtual_views: &[VirtualView],
     goals: Vec<Goal>,
-    near: f64,
+    config: &Config,
 ) -> Supervision {
     let real = scene
         .train
@@ -233,14 +241,32 @@ fn supervision(
     let virtual_views = virtual_views.iter().zip(goals).map(|(view, goal)| {
         TrainingView::packed(frame.camera_to_canonical(&view.camera), goal, view.alpha)
     });
+    let (held_out, virtual_views) = held_out(virtual_views.collect(), config.need.hold_out);
     Supervision {
         extent: EXTENT * if spread < MIN_SPREAD { 1.0 } else { spread },
-        near: frame.near(near),
+        near: frame.near(config.model.near),
         real: real.collect(),
-        virtual_views: virtual_views.collect(),
+        virtual_views,
+        held_out,
         coverage,
         shell: None,
     }
+}
+
+/// Virtual views of which every `one_in`-th in their order is held out, and the others. The order is that of the draw,
+/// so that the seed decides which; at 0, or where a view shows no point, it stays with the others.
+fn held_out(views: Vec<TrainingView>, one_in: usize) -> (Vec<TrainingView>, Vec<TrainingView>) {
+    let is_held_out = |i: usize, view: &TrainingView| {
+        one_in > 0 && i % one_in == one_in - 1 && view.goal.has_opaque()
+    };
+    let (mut held_out, mut others) = (Vec::new(), Vec::with_capacity(views.len()));
+    for (i, view) in views.into_iter().enumerate() {
+        match is_held_out(i, &view) {
+            true => held_out.push(view),
+            false => others.push(view),
+        }
+    }
+    (held_out, others)
 }
 
 /// Makes the target images of the virtual views: the splats, with alpha 255 times the weight of a

@@ -39,6 +39,11 @@ impl Sampler {
         }
     }
 
+    /// The run has been decided to have so many iterations.
+    pub(super) fn ends(&mut self, iterations: u32) {
+        self.iterations = iterations;
+    }
+
     pub(super) fn is_due(&self, done: u32) -> bool {
         self.first_s.is_none() || done.is_multiple_of(INTERVAL) || done == self.iterations
     }
@@ -159,6 +164,7 @@ fn stage_table(seconds: &Seconds) -> Table {
         ("training", seconds.train),
         ("- the first iteration", seconds.first_iteration),
         ("- densification, pruning, resets", seconds.densify),
+        ("- views held out", seconds.signal),
         ("- checkpoints", seconds.checkpoints),
         ("writing the model", seconds.write),
         ("evaluation", seconds.eval),

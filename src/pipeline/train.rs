@@ -4,6 +4,8 @@ use std::time::Instant;
 
 use glam::DVec3;
 
+use super::calibrate::{calibrated, within_time};
+use super::chosen::chosen;
 use super::job::record;
 use super::keep::{Identity, Keeper, Log};
 use super::measure::{Clouds, Seen, Subject, measure};
@@ -66,6 +68,19 @@ pub fn train(
     let prepared = prepare(scene, &job.config, &mut seconds)?;
     clock.lap();
     let config = fitted(&job.config, gpu, prepared.start.len())?;
+    let given = job.config.need.iteration_s;
+    let calibrated = calibrated(gpu, &prepared, &job.config)?;
+    let job = &TrainJob {
+        config: calibrated,
+        ..job.clone()
+    };
+    let config = within_time(Config {
+        need: job.config.need.clone(),
+        ..config
+    });
+    if job.config.need.iteration_s != given {
+        run.write_config(&job.config)?;
+    }
     for warning in &prepared.warnings {
         log::warn!("{warning}");
     }
@@ -94,6 +109,13 @@ pub fn train(
     log::info!("{n_scene} Gaussians from {n_points} points");
     if n_shell > 0 {
         log::info!("{n_shell} Gaussians in the far shell");
+    }
+    if !supervision.held_out.is_empty() {
+        log::info!(
+            "{} virtual views to train on, {} held out",
+            supervision.virtual_views.len(),
+            supervision.held_out.len()
+        );
     }
     let forecast = Forecast::new(gpu, scene, &task.prepared, &task.config);
     log::info!("memory, predicted\n{}", forecast.tables());
@@ -160,7 +182,18 @@ impl Task<'_> {
             cameras,
             samples,
             plans,
+            signal,
+            trims,
+            iterations,
         } = trained;
+        let chosen = chosen(&gaussians, iterations, &signal, &trims, &self.config);
+        for sentence in &chosen {
+            log::info!("{sentence}");
+        }
+        let gaussians = match self.config.need.chooses() {
+            true => gaussians.without_empty_degrees(),
+            false => gaussians,
+        };
         write_ply(&run.point_cloud(), &gaussians, &prepared.frame)?;
         // What is measured is what was written.
         drop(gaussians);
@@ -192,14 +225,14 @@ impl Task<'_> {
         seconds.eval = Some(clock.lap() + log.curve_s);
         let mut curve = log.curve;
         if job.eval_every.is_some() {
-            curve.push(curve_point(config.iterations, &evaluation));
+            curve.push(curve_point(iterations, &evaluation));
         }
         gpu.check()?;
         run.write_metrics(&Metrics {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             adapter: gpu.describe(),
             seed: config.seed,
-            iterations: config.iterations,
+            iterations,
             scene: SceneRecord {
                 carved_points: prepared.carved.as_ref().map(|c| c.removed.clone()),
                 ..record(scene, job)
@@ -213,6 +246,9 @@ impl Task<'_> {
             model_size: model_sizes(prepared.start.len(), &plans),
             refined_poses,
             curve,
+            signal,
+            trims,
+            chosen,
         })?;
         clock.lap();
         write_run_page(run, &scene.test, frame)?;
@@ -291,6 +327,7 @@ impl Task<'_> {
             before_s: log.train_s + log.curve_s,
             clock: Instant::now(),
             log,
+            iterations: config.iterations,
         };
         let gentle = stop.gentle();
         let trained = trainer.run(&mut watch);
@@ -301,6 +338,7 @@ impl Task<'_> {
         let log = watch.log;
         seconds.train = Some(log.train_s);
         seconds.densify = Some(trainer.seconds().densify);
+        seconds.signal = (!supervision.held_out.is_empty()).then_some(trainer.seconds().signal);
         seconds.checkpoints = Some(log.keep_s);
         seconds.first_iteration = watch.sampler.as_ref().and_then(Sampler::first_s);
         let trained_s = log.train_s - before_s - (log.keep_s - kept_s);

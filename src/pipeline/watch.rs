@@ -29,6 +29,8 @@ pub(super) struct Watch<'a> {
     pub(super) before_s: f64,
     pub(super) clock: Instant,
     pub(super) log: Log,
+    /// Number of iterations, as far as it is decided.
+    pub(super) iterations: u32,
 }
 
 impl Watch<'_> {
@@ -62,6 +64,20 @@ pub(super) fn curve_point(iteration: u32, evaluation: &Evaluation) -> CurvePoint
 }
 
 impl Observer for Watch<'_> {
+    fn ends(&mut self, iterations: u32) {
+        if iterations < self.iterations {
+            log::info!(
+                "the held-out views have stopped rising: training ends after {iterations} iterations"
+            );
+        }
+        self.iterations = iterations;
+        self.progress.ends(iterations);
+        self.keeper.ends(iterations);
+        if let Some(sampler) = &mut self.sampler {
+            sampler.ends(iterations);
+        }
+    }
+
     fn times(&self, done: u32) -> bool {
         self.sampler.as_ref().is_some_and(|s| s.is_due(done))
     }
@@ -75,7 +91,7 @@ impl Observer for Watch<'_> {
     }
 
     fn inspects(&self, done: u32) -> bool {
-        let due = |c: &Curve| done.is_multiple_of(c.every) && done < c.config.iterations;
+        let due = |c: &Curve| done.is_multiple_of(c.every) && done < self.iterations;
         self.curve.as_ref().is_some_and(due)
     }
 

@@ -82,7 +82,7 @@ impl<'a> RunRecord<'a> {
             preset: &run.config.preset,
             changes: run.changes.join("; "),
             seed: run.config.seed,
-            iterations: run.config.iterations,
+            iterations: metrics.iterations,
             cloud: scene.cloud.as_deref(),
             n_points: scene.n_points,
             max_points: run.config.scene.max_points,

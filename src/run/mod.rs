@@ -106,7 +106,7 @@ impl RunDir {
             remove(&run.root.join(name), |path| std::fs::remove_file(path))?;
         }
         run.checkpoints().clear()?;
-        write_file(&run.config_file(), config.to_json()?.as_bytes())?;
+        run.write_config(config)?;
         for name in FOLDERS {
             let folder = run.root.join(name);
             remove(&folder, |path| std::fs::remove_dir_all(path))?;
@@ -235,6 +235,14 @@ impl RunDir {
     /// Returns the path of the resolved config that the run was trained with.
     pub fn config_file(&self) -> PathBuf {
         self.root.join("config.json")
+    }
+
+    /// Writes the resolved config, once it is known what was measured for it.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write_config(&self, config: &Config) -> Result<()> {
+        write_file(&self.config_file(), config.to_json()?.as_bytes())
     }
 
     /// Reads the resolved config that the run was trained with.

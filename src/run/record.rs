@@ -7,7 +7,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::scene::PoseProtocol;
-use crate::train::{LossSample, PlanCounts};
+use crate::train::{LossSample, PlanCounts, SignalPoint, Trim};
 
 /// The record of a training run, `metrics.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -18,7 +18,7 @@ pub struct Metrics {
     pub adapter: String,
     /// Seed of everything random in the run.
     pub seed: u64,
-    /// Number of iterations asked for.
+    /// Iterations that it took.
     pub iterations: u32,
     /// The scene, with what of it was taken.
     pub scene: SceneRecord,
@@ -36,6 +36,15 @@ pub struct Metrics {
     /// Errors at the test views on the way, the last those of `eval.json`; empty unless asked for.
     #[serde(default)]
     pub curve: Vec<CurvePoint>,
+    /// What the virtual views that are held out said on the way; empty where none is.
+    #[serde(default)]
+    pub signal: Vec<SignalPoint>,
+    /// Prunings by contribution.
+    #[serde(default)]
+    pub trims: Vec<Trim>,
+    /// What the run chose for its scene and why, a sentence each; empty where all was stated.
+    #[serde(default)]
+    pub chosen: Vec<String>,
 }
 
 /// The change that refinement made to a training camera's pose.
@@ -147,6 +156,9 @@ pub struct Seconds {
     pub train: Option<f64>,
     /// Part of `train`: densification, pruning and opacity resets.
     pub densify: Option<f64>,
+    /// Part of `train`: measuring the virtual views that are held out, and pruning by them; null where none is.
+    #[serde(default)]
+    pub signal: Option<f64>,
     /// Writing checkpoints, a part of `train`.
     pub checkpoints: Option<f64>,
     /// Writing the trained model.

@@ -5,6 +5,7 @@
 
 mod ablation;
 mod cloud;
+mod front;
 mod kernel;
 mod need;
 mod output;
@@ -21,6 +22,7 @@ mod sampling;
 mod viewpoints;
 mod views;
 
+pub use front::{Place, below, front};
 pub use plan::Options;
 pub use runs::State;
 pub use views::spread_order;

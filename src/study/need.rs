@@ -1,5 +1,7 @@
-//! This study asks what quality costs: one thing at a time is reduced.
+//! This study asks what quality costs: one thing at a time is reduced, then two, beside what the default
+//! chooses.
 
+use super::front::{file_mb, fronts};
 use super::plan::{Base, Variant};
 use super::quality::{LPIPS, PSNR, SCENE, SSIM, TO_MODEL, gain, psnr_at, quality, scenes};
 use super::runs::{Finished, Results, Scope};
@@ -23,6 +25,15 @@ const VIRTUAL_VIEWS: [usize; 4] = [0, 16, 64, 1024];
 const SHORTER: [u32; 3] = [2, 4, 10];
 /// One in so many pixels of the images' longer side.
 const SMALLER: [u32; 2] = [2, 4];
+/// One in so many of the start's points together with one in so many of the iterations.
+const TWO_CAPS: [usize; 2] = [4, 16];
+const TWO_SHORTER: [u32; 2] = [4, 10];
+/// The same points together with so many virtual views.
+const TWO_VIEWS: [usize; 2] = [16, 64];
+
+/// The default where iterations are stated for the others: it ends by itself.
+const CHOSEN: &str = "gspotential-chosen";
+
 /// What the built-in scene can be made at.
 const MIN_SIDE: u32 = 16;
 
@@ -79,6 +90,8 @@ const FACTORS: [Factor; 5] = [
 ];
 
 const SIZE: &str = "gspotential-size-";
+/// Begins the names of variants in which two things are reduced.
+const TWO: &str = "gspotential-two-";
 
 const COLUMNS: [Column; 12] = [
     SCENE,
@@ -100,8 +113,8 @@ pub(crate) struct Need;
 impl Study for Need {
     fn question(&self) -> &'static str {
         "What quality costs: from the method as it is, one thing at a time is reduced (virtual \
-         views are also raised), with the time of training, the memory on the GPU and the size \
-         of the file."
+         views are also raised), then Gaussians with iterations or virtual views, with the time of training, the \
+         memory on the GPU and the size of the file. Fronts show what no other variant beats, and the chosen one."
     }
 
     fn variants(&self, base: &Base) -> Result<Vec<Variant>> {
@@ -128,6 +141,7 @@ impl Study for Need {
             let changes = [
                 format!("scene.max_points={n}"),
                 format!("densify.max_gaussians={n}"),
+                "need.prune=false".to_owned(),
             ];
             add(format!("gspotential-cap-{part}"), &changes)?;
         }
@@ -139,8 +153,34 @@ impl Study for Need {
             add(format!("gspotential-count-{count}"), &[change])?;
         }
         for part in SHORTER {
-            let change = format!("iterations={}", (config.iterations / part).max(1));
-            add(format!("gspotential-iterations-{part}"), &[change])?;
+            let changes = [
+                format!("iterations={}", (config.iterations / part).max(1)),
+                "need.ends=false".to_owned(),
+            ];
+            add(format!("gspotential-iterations-{part}"), &changes)?;
+        }
+        for cap in TWO_CAPS {
+            let n = (n_points / cap).max(1);
+            let gaussians = [
+                format!("scene.max_points={n}"),
+                format!("densify.max_gaussians={n}"),
+                "need.prune=false".to_owned(),
+            ];
+            for part in TWO_SHORTER {
+                let iterations = (config.iterations / part).max(1);
+                let mut changes = gaussians.to_vec();
+                changes.push(format!("iterations={iterations}"));
+                changes.push("need.ends=false".to_owned());
+                add(format!("{TWO}cap-{cap}-iterations-{part}"), &changes)?;
+            }
+            for count in TWO_VIEWS {
+                let mut changes = gaussians.to_vec();
+                changes.push(format!("views.count={count}"));
+                add(format!("{TWO}cap-{cap}-count-{count}"), &changes)?;
+            }
+        }
+        if !config.need.ends {
+            add(CHOSEN.to_owned(), &["need.ends=true".to_owned()])?;
         }
         let can_be = |part: &u32| side / part >= MIN_SIDE && shorter / part >= base.min_side_px();
         for part in SMALLER.into_iter().filter(can_be) {
@@ -167,8 +207,17 @@ impl Study for Need {
                     table.row(row(&scope, &variant, head));
                 }
             }
+            for variant in beside(&results) {
+                let named = variant.trim_start_matches("gspotential-").to_owned();
+                table.row(row(&scope, &variant, [named.into(), "".into()]));
+            }
         }
+        let ends_by_itself = results.runs.iter().any(|run| run.variant == CHOSEN);
+        let chosen = if ends_by_itself { CHOSEN } else { BASE };
+        let (front_table, front_pictures) = fronts(&results, chosen)?;
         let pictures = FACTORS.iter().map(|factor| picture(&results, factor));
+        let mut pictures = pictures.collect::<Result<Vec<Picture>>>()?;
+        pictures.extend(front_pictures);
         let mut notes = vec![
             "All are measured at the same test views, at the full size, whatever they were \
              trained at. *Gaussians at most*: the start is thinned to so many and never \
@@ -177,8 +226,8 @@ impl Study for Need {
         ];
         notes.extend(late_degrees(&results));
         Ok(Report {
-            tables: vec![table],
-            pictures: pictures.collect::<Result<_>>()?,
+            tables: vec![table, front_table],
+            pictures,
             notes,
         })
     }
@@ -210,6 +259,18 @@ fn variants_of(results: &Results, factor: &Factor) -> Vec<String> {
     names
 }
 
+/// Names of the variants that are no factor's, in the order of the plan.
+fn beside(results: &Results) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for run in &results.runs {
+        let is_beside = run.variant == CHOSEN || run.variant.starts_with(TWO);
+        if is_beside && !names.contains(&run.variant) {
+            names.push(run.variant.clone());
+        }
+    }
+    names
+}
+
 /// Returns how much of the factor a variant has; its first run stands for all.
 fn size(results: &Results, factor: &Factor, variant: &str) -> Option<f64> {
     let mut runs = results.runs.iter();
@@ -231,10 +292,7 @@ fn row(scope: &Scope, variant: &str, [what, value]: [Cell; 2]) -> Vec<Cell> {
     cells.push(figure(&|run| {
         Some(run.metrics.memory.gpu_peak_bytes? as f64 / 1e6)
     }));
-    cells.push(figure(&|run| {
-        let file = std::fs::metadata(run.run.point_cloud()).ok()?;
-        Some(file.len() as f64 / 1e6)
-    }));
+    cells.push(figure(&file_mb));
     cells
 }
 

@@ -80,7 +80,7 @@ fn caption(options: &Options, results: &Results) -> Result<String> {
     };
     let points = match config.scene.max_points {
         Some(n) => format!("at most {n} points"),
-        None => "as many points as training pixels".to_owned(),
+        None => "as many points as each preset takes for the training pixels".to_owned(),
     };
     let seeds: Vec<String> = options.seeds.iter().map(u64::to_string).collect();
     let (plural, noise) = match seeds.len() {

@@ -101,7 +101,9 @@ impl<'a> Base<'a> {
             .iter()
             .filter(|difference| difference.key != "iterations")
             .map(Difference::setting);
-        for change in own.chain(changes.iter().cloned()) {
+        // Iterations that are stated are not chosen.
+        let stated = options.iterations.map(|_| "need.ends=false".to_owned());
+        for change in own.chain(stated).chain(changes.iter().cloned()) {
             config = config.set(&change)?;
         }
         config.preset = preset.preset;

@@ -96,6 +96,14 @@ impl Progress {
         self
     }
 
+    /// The stage has been decided to have so many steps.
+    pub fn ends(&mut self, total: u32) {
+        self.pace.total = total;
+        if let Sink::Bar(bar) = &self.sink {
+            bar.set_length(u64::from(total));
+        }
+    }
+
     /// Writes training's lines in a style to `out`, at most one an `interval`.
     pub fn lines(
         style: Style,

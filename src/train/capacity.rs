@@ -1,7 +1,7 @@
 //! This module predicts what training's buffers will take, before there are any.
 
 use super::optimizer::{plan_bytes, statistics_bytes, with_room};
-use super::supervision::Supervision;
+use super::supervision::{Supervision, TrainingView};
 use crate::camera::Camera;
 use crate::config::Config;
 use crate::gpu::{Buffer, Gpu};
@@ -29,8 +29,7 @@ pub struct TrainingBytes {
     pub poses: u64,
     /// Staging buffer of the largest block that the host reads at once.
     pub reading: u64,
-    /// The new set of one model and its plan, beside the old one, while it densifies; 0 at the
-    /// start.
+    /// What densifying, or pruning by contribution, holds beside the old set; at most.
     pub densifying: u64,
 }
 
@@ -86,8 +85,15 @@ impl TrainingBytes {
                 true => PoseGradient::bytes(capacity.stride),
                 false => 0,
             },
-            reading: Buffer::readback_bytes(block_bytes(capacity.stride, sh_degree)),
-            densifying: 0,
+            reading: Buffer::readback_bytes(match config.need.hold_out {
+                0 => block_bytes(capacity.stride, sh_degree),
+                // Renders of the held-out views are read, too.
+                _ => block_bytes(capacity.stride, sh_degree).max(rendered_bytes(capacity.plane)),
+            }),
+            densifying: match config.need.prunes() {
+                true => model + plan_bytes(n_gaussians),
+                false => 0,
+            },
         }
     }
 
@@ -114,6 +120,11 @@ impl TrainingBytes {
     }
 }
 
+/// Bytes of a render, four planes of `plane` vectors.
+fn rendered_bytes(plane: usize) -> u64 {
+    4 * 16 * plane as u64
+}
+
 /// Returns the room that training starts with.
 pub(super) fn start_capacity(
     gpu: &Gpu,
@@ -121,10 +132,8 @@ pub(super) fn start_capacity(
     supervision: &Supervision,
     config: &Config,
 ) -> Capacity {
-    let views = supervision.real.iter().chain(&supervision.virtual_views);
-    let views: Vec<ViewUniform> = views
-        .map(|view| uniform(&view.camera, supervision, config))
-        .collect();
+    let uniform = |view: &TrainingView| uniform(&view.camera, supervision, config);
+    let views: Vec<ViewUniform> = supervision.views().map(uniform).collect();
     Capacity::new(n, first_pairs(gpu, n), &views)
 }
 

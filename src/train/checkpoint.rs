@@ -29,6 +29,8 @@ impl Trainer<'_> {
             plans: self.plans.clone(),
             poses: self.poses().cloned(),
             guides: self.guides.clone(),
+            signal: self.signal.clone(),
+            trims: self.trims.clone(),
         }
     }
 
@@ -92,6 +94,9 @@ impl Trainer<'_> {
         self.done = state.done;
         self.samples = state.samples;
         self.guides = state.guides;
+        self.signal = state.signal;
+        self.trims = state.trims;
+        self.settling = self.settles();
         self.plans = state.plans;
         if let Some(poses) = state.poses {
             self.set_poses(poses);
@@ -103,7 +108,7 @@ impl Trainer<'_> {
 /// Returns a CRC-32 of everything that a run learns from, by name.
 pub fn fingerprint(supervision: &Supervision, start: &Gaussians) -> BTreeMap<String, u32> {
     let mut parts = BTreeMap::new();
-    for view in supervision.real.iter().chain(&supervision.virtual_views) {
+    for view in supervision.views() {
         let name = &view.camera.name;
         parts.insert(format!("image of `{name}`"), sum(&view.goal.parts()));
         parts.insert(format!("camera of `{name}`"), camera_sum(view));

@@ -71,6 +71,14 @@ impl Goal {
         }
     }
 
+    /// Whether any pixel has full weight.
+    pub fn has_opaque(&self) -> bool {
+        match &self.alpha {
+            Some(alpha) => alpha.contains(&u8::MAX),
+            None => !self.rgb.is_empty(),
+        }
+    }
+
     /// Returns the bytes that it takes.
     pub fn bytes(&self) -> usize {
         8 * self.covered.len() + self.rgb.len() + self.alpha.as_ref().map_or(0, Vec::len)

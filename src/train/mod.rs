@@ -5,13 +5,17 @@
 //! an [`observer`], and [`checkpoint`] takes it apart and puts it together again between two
 //! iterations. [`supervision`] is what they learn from, [`capacity`] says what that takes, [`shell`]
 //! is a background of Gaussians beyond the scene, [`pose_adam`] moves cameras, where they are
-//! refined, and [`guide`] chooses whom dropout leaves out.
+//! refined, [`guide`] chooses whom dropout leaves out, and what the scene needs is
+//! decided by virtual views that nothing is learned from ([`SignalPoint`]): [`length`] says when training ends,
+//! [`trim`] which Gaussians it can do without.
 
 pub mod capacity;
 pub mod checkpoint;
+mod contribution;
 mod dropout;
 mod goal;
 pub mod guide;
+pub mod length;
 pub mod observer;
 pub mod optimizer;
 pub mod policy;
@@ -22,16 +26,18 @@ mod refine;
 mod room;
 pub mod schedule;
 pub mod shell;
+mod signal;
 mod state;
 pub mod supervision;
 pub mod trainer;
+pub mod trim;
 
 pub use capacity::TrainingBytes;
 pub use checkpoint::fingerprint;
 pub use goal::Goal;
 pub use observer::Observer;
 pub use pose_adam::PoseAdam;
-pub use record::{ImageLoss, LossSample, PlanCounts, PlanRecord, Trained};
+pub use record::{ImageLoss, LossSample, PlanCounts, PlanRecord, SignalPoint, Trained, Trim};
 pub use refine::{RefinedPose, pose_rates};
 pub use shell::Shell;
 pub use state::State;

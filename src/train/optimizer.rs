@@ -140,6 +140,17 @@ impl StepUniform {
         }
     }
 
+    /// The same step with all rates multiplied by `rate`.
+    pub fn slowed(mut self, rate: f64) -> StepUniform {
+        let rate = rate as f32;
+        for plane in &mut self.geometry_rates {
+            *plane = plane.map(|own| own * rate);
+        }
+        self.sh_0_rate *= rate;
+        self.sh_rate *= rate;
+        self
+    }
+
     /// Returns the same step for Gaussians up to this distance from the focus; those beyond learn
     /// colour alone.
     pub fn within(mut self, frozen_beyond: f32) -> StepUniform {

@@ -14,7 +14,9 @@ impl Trainer<'_> {
     /// refined.
     pub(super) fn refine(&mut self, iteration: u32, real: usize) -> Result<()> {
         let config = self.config;
+        let share = self.settling.rate(iteration);
         let rates = pose_rates(&config.poses, iteration, config.iterations);
+        let rates = rates.map(|rate| share * rate);
         let Some(refinement) = &mut self.refinement else {
             return Ok(());
         };

@@ -40,6 +40,9 @@ pub struct PlanCounts {
     pub pruned_size: usize,
     /// Gaussians removed by the paper's coverage-aware rule: `a_i` is above `tau_i`.
     pub pruned_anisotropy: usize,
+    /// Gaussians removed because they contribute least to the views.
+    #[serde(default)]
+    pub pruned_contribution: usize,
 }
 
 /// A change of the set of Gaussians.
@@ -53,6 +56,39 @@ pub struct PlanRecord {
     pub counts: PlanCounts,
 }
 
+/// What the held-out views say of the Gaussians.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SignalPoint {
+    /// Number of finished iterations.
+    pub iteration: u32,
+    /// Gaussians of the model.
+    pub n_gaussians: usize,
+    /// Mean PSNR of the held-out virtual views over their visible pixels, dB.
+    pub held_out: f64,
+    /// The same of the training photographs; null where masks leave nothing of them.
+    pub photographs: Option<f64>,
+}
+
+/// A pruning by contribution.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Trim {
+    /// Number of finished iterations.
+    pub iteration: u32,
+    /// Gaussians before it.
+    pub n_before: usize,
+    /// Gaussians after it; as before where pruning would not have paid.
+    pub n_after: usize,
+    /// What it was allowed to cost, dB.
+    pub allowed_db: f64,
+    /// Gaussians that went beyond that, whatever they cost, for the file to have the size that it may.
+    #[serde(default)]
+    pub over_budget: usize,
+    /// By how much the PSNR of the held-out views or of the photographs fell, the greater of both; below 0 if both rose.
+    pub cost_db: f64,
+    /// Share of all that Gaussians contribute to the views that went with them.
+    pub contribution: f64,
+}
+
 /// The outcome of a training run.
 pub struct Trained {
     /// The trained Gaussians, canonical frame.
@@ -64,4 +100,10 @@ pub struct Trained {
     pub samples: Vec<LossSample>,
     /// Every densification and pruning step, in order.
     pub plans: Vec<PlanRecord>,
+    /// What the held-out views said on the way.
+    pub signal: Vec<SignalPoint>,
+    /// Prunings by contribution, in order.
+    pub trims: Vec<Trim>,
+    /// Number of iterations that it took.
+    pub iterations: u32,
 }

@@ -44,7 +44,7 @@ impl Trainer<'_> {
     }
 
     /// Makes room for the model and for `capacity`.
-    fn grow(&mut self, mut capacity: Capacity) -> Result<()> {
+    pub(super) fn grow(&mut self, mut capacity: Capacity) -> Result<()> {
         capacity.stride = capacity.stride.max(self.optimizer.model.stride);
         // The old buffers are free before the new ones are made.
         self.unbind();

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::guide::Guide;
-use super::record::{LossSample, PlanRecord};
+use super::record::{LossSample, PlanRecord, SignalPoint, Trim};
 use super::refine::RefinedPose;
 use crate::render::{BLOCK_PLANES, n_blocks};
 
@@ -26,6 +26,10 @@ pub struct State {
     pub poses: Option<Vec<RefinedPose>>,
     /// One a view; empty unless dropout is guided.
     pub guides: Vec<Guide>,
+    /// What the held-out views have said so far.
+    pub signal: Vec<SignalPoint>,
+    /// Prunings by contribution so far.
+    pub trims: Vec<Trim>,
 }
 
 impl State {

@@ -65,6 +65,8 @@ pub struct Supervision {
     pub real: Vec<TrainingView>,
     /// The splatted virtual views; empty in a run without them.
     pub virtual_views: Vec<TrainingView>,
+    /// Virtual views that are not trained on, each with a pixel that shows a point: they measure.
+    pub held_out: Vec<TrainingView>,
     /// Coverage scores, which decide coverage-aware pruning and densification.
     pub coverage: Coverage,
     /// 3DGS's camera extent in the canonical frame: 1.1 times the greatest distance of a training
@@ -77,6 +79,12 @@ pub struct Supervision {
 }
 
 impl Supervision {
+    /// Every view: the real ones, the virtual ones, those held out.
+    pub fn views(&self) -> impl Iterator<Item = &TrainingView> {
+        let trained = self.real.iter().chain(&self.virtual_views);
+        trained.chain(&self.held_out)
+    }
+
     /// Returns the distance from the focus beyond which Gaussians learn colour alone and neither
     /// come nor go: those of the far shell.
     pub fn frozen_beyond(&self) -> f32 {

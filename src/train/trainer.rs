@@ -4,10 +4,11 @@ use std::time::Instant;
 
 use super::capacity::{start_capacity, uniform};
 use super::guide::Guide;
+use super::length::Settling;
 use super::observer::Observer;
 use super::optimizer::{Optimizer, OptimizerKernels, StepUniform};
-use super::policy::{self, Surroundings};
-use super::record::{ImageLoss, LossSample, PlanRecord, Trained};
+use super::policy::{self, Plan, Surroundings};
+use super::record::{ImageLoss, LossSample, PlanRecord, SignalPoint, Trained, Trim};
 use super::refine::Refinement;
 use super::schedule::{self, ViewOrder};
 use super::supervision::{Supervision, TrainingView};
@@ -47,6 +48,8 @@ pub struct TrainerSeconds {
     pub compile: f64,
     /// Densification, pruning and opacity resets.
     pub densify: f64,
+    /// Measuring the held-out views, and pruning by them.
+    pub signal: f64,
 }
 
 /// The views of an iteration, by number among their kind.
@@ -67,6 +70,7 @@ pub struct Trainer<'a> {
     pub(super) config: &'a Config,
     pub(super) real: Vec<ViewUniform>,
     pub(super) virtual_views: Vec<ViewUniform>,
+    pub(super) held_out: Vec<ViewUniform>,
     real_order: ViewOrder,
     virtual_order: ViewOrder,
     pub(super) optimizer: Optimizer,
@@ -77,12 +81,16 @@ pub struct Trainer<'a> {
     /// One a view, the real ones first; empty unless dropout is guided.
     pub(super) guides: Vec<Guide>,
     /// A view's, unpacked.
-    goal: Vec<u32>,
+    pub(super) goal: Vec<u32>,
     /// Number of finished iterations, where the run starts or has last been kept.
     pub(super) done: u32,
     pub(super) samples: Vec<LossSample>,
     pub(super) plans: Vec<PlanRecord>,
-    seconds: TrainerSeconds,
+    pub(super) signal: Vec<SignalPoint>,
+    pub(super) trims: Vec<Trim>,
+    /// As it is planned by now.
+    pub(super) settling: Settling,
+    pub(super) seconds: TrainerSeconds,
 }
 
 impl<'a> Trainer<'a> {
@@ -108,6 +116,7 @@ impl<'a> Trainer<'a> {
         };
         let real = uniforms(&supervision.real);
         let virtual_views = uniforms(&supervision.virtual_views);
+        let held_out = uniforms(&supervision.held_out);
         let model = Model::upload(gpu, start, start.len())?;
         let capacity = start_capacity(gpu, model.n, supervision, config);
         let clock = Instant::now();
@@ -129,6 +138,7 @@ impl<'a> Trainer<'a> {
             virtual_order: ViewOrder::virtual_views(config.seed, virtual_views.len()),
             real,
             virtual_views,
+            held_out,
             optimizer,
             workspace,
             bound,
@@ -139,9 +149,12 @@ impl<'a> Trainer<'a> {
             done: 0,
             samples: Vec::new(),
             plans: Vec::new(),
+            signal: Vec::new(),
+            trims: Vec::new(),
+            settling: Settling::of(config, &[]),
             seconds: TrainerSeconds {
                 compile,
-                densify: 0.0,
+                ..TrainerSeconds::default()
             },
         })
     }
@@ -161,7 +174,8 @@ impl<'a> Trainer<'a> {
         if done == 0 && observer.inspects(done) {
             observer.inspect(done, &self.optimizer.model)?;
         }
-        while done < config.iterations {
+        observer.ends(self.settling.until);
+        while done < self.settling.until {
             self.guide(done)?;
             let times = observer.times(done + 1);
             let profile = if times { observer.profile() } else { None };
@@ -171,11 +185,11 @@ impl<'a> Trainer<'a> {
             let changes = schedule::densifies(config, done)
                 || schedule::prunes_by_coverage(config, done)
                 || schedule::resets_opacity(config, done);
-            let samples =
-                changes || done.is_multiple_of(LOOK_INTERVAL) || done == config.iterations;
-            let inspects = observer.inspects(done);
+            let looks =
+                changes || done.is_multiple_of(LOOK_INTERVAL) || done == self.settling.until;
             let keeps = observer.keeps(done);
-            if !(samples || inspects || keeps || times) {
+            let measures = self.measures(done);
+            if !(looks || observer.inspects(done) || keeps || times || measures) {
                 continue;
             }
             if let Some(skipped) = self.make_room()? {
@@ -185,18 +199,28 @@ impl<'a> Trainer<'a> {
             if times {
                 observer.timed(self.gpu)?;
             }
-            if samples {
+            if measures {
+                self.measure(done)?;
+                // It may have decided that training ends.
+                observer.ends(self.settling.until);
+            }
+            let is_last = done == self.settling.until;
+            if looks || is_last {
                 let sample = self.sample(done, views)?;
                 observer.look(&sample, self.optimizer.model.n);
                 self.samples.push(sample);
             }
-            if inspects {
+            if observer.inspects(done) {
                 observer.inspect(done, &self.optimizer.model)?;
             }
-            if changes {
+            if self.trims(done) {
+                self.trim(done)?;
+            }
+            // No step would train what a change at the end leaves.
+            if changes && !is_last {
                 self.change(done)?;
             }
-            if keeps {
+            if keeps || (is_last && observer.keeps(done)) {
                 self.done = done;
                 observer.keep(&self.state(), &mut self.buffers())?;
             }
@@ -207,6 +231,9 @@ impl<'a> Trainer<'a> {
             cameras: self.cameras(),
             samples: std::mem::take(&mut self.samples),
             plans: std::mem::take(&mut self.plans),
+            signal: std::mem::take(&mut self.signal),
+            trims: std::mem::take(&mut self.trims),
+            iterations: self.settling.until,
         })
     }
 
@@ -214,7 +241,7 @@ impl<'a> Trainer<'a> {
     /// returns its views.
     pub fn step(&mut self, iteration: u32, profile: Option<&mut Profile>) -> StepViews {
         let config = self.config;
-        let degree = schedule::sh_degree(config, iteration);
+        let degree = self.sh_degree(iteration);
         // There is at least one real view.
         let real = self.real_order.view(iteration).unwrap_or(0);
         let virtual_view = self.virtual_order.view(iteration);
@@ -259,7 +286,8 @@ impl<'a> Trainer<'a> {
             centers.push(uniform.center());
         }
         let step = StepUniform::new(config, iteration, self.supervision.extent, &centers)
-            .within(self.supervision.frozen_beyond());
+            .within(self.supervision.frozen_beyond())
+            .slowed(self.settling.rate(iteration));
         let kernels = &self.optimizer_kernels;
         self.optimizer
             .step(self.gpu, kernels, &self.adam, &mut commands, step, degree);
@@ -310,17 +338,7 @@ impl<'a> Trainer<'a> {
                 frozen_beyond: self.supervision.frozen_beyond(),
             };
             let plan = policy::plan(&gathered, config, &surroundings, done);
-            self.unbind();
-            self.optimizer
-                .rearrange(self.gpu, &self.optimizer_kernels, &plan, densifies)?;
-            let n = self.optimizer.model.n;
-            let counts = plan.counts;
-            self.plans.push(PlanRecord {
-                iteration: done,
-                n_gaussians: n,
-                counts,
-            });
-            self.fit_model()?;
+            self.rearrange(&plan, densifies, done)?;
         }
         if schedule::resets_opacity(config, done) {
             self.optimizer.reset_opacity(
@@ -332,5 +350,19 @@ impl<'a> Trainer<'a> {
         }
         self.seconds.densify += clock.elapsed().as_secs_f64();
         Ok(())
+    }
+
+    /// Carries out a plan after `done` iterations and notes it.
+    pub(super) fn rearrange(&mut self, plan: &Plan, densifies: bool, done: u32) -> Result<()> {
+        self.unbind();
+        let kernels = &self.optimizer_kernels;
+        self.optimizer
+            .rearrange(self.gpu, kernels, plan, densifies)?;
+        self.plans.push(PlanRecord {
+            iteration: done,
+            n_gaussians: self.optimizer.model.n,
+            counts: plan.counts,
+        });
+        self.fit_model()
     }
 }

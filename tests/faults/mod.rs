@@ -23,7 +23,7 @@ use serde_json::Value;
 use crate::kit::program::command;
 
 /// A training in which Gaussians are split, pruned and reset within a second or two.
-const SETTINGS: [&str; 19] = [
+const SETTINGS: [&str; 24] = [
     "iterations=60",
     "scene.max_points=100",
     "scene.n_test=1",
@@ -43,6 +43,11 @@ const SETTINGS: [&str; 19] = [
     "dropout.density_weight=0.5",
     "poses.refine=true",
     "shell.count=100",
+    "need.hold_out=5",
+    "need.interval=7",
+    "need.settle_share=0.2",
+    "need.prune=true",
+    "need.tolerance_db=0.5",
 ];
 const CURVE: u32 = 25;
 

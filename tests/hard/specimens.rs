@@ -192,6 +192,7 @@ pub(crate) fn noise_supervision(camera: &TwinCamera) -> Supervision {
     Supervision {
         real: vec![TrainingView::photograph(camera_of(camera), &goal)],
         virtual_views: Vec::new(),
+        held_out: Vec::new(),
         coverage: Coverage::new(&field, &fibonacci_sphere(64)),
         extent: 1.0,
         near: camera.near,

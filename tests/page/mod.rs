@@ -148,5 +148,8 @@ fn metrics(name: &str) -> Metrics {
         }],
         refined_poses: Vec::new(),
         curve: vec![curve(10, 11.0), curve(20, 12.34)],
+        signal: Vec::new(),
+        trims: Vec::new(),
+        chosen: vec!["1,000 iterations: enough & no more".into()],
     }
 }

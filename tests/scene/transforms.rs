@@ -145,7 +145,7 @@ fn faulty_transforms_are_refused_with_frame_and_key() {
         (
             "train_filenames",
             json!("a"),
-            ["`train_filenames`", "no list"],
+            ["`train_filenames`", "is not a list"],
         ),
         (
             "test_filenames",

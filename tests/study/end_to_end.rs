@@ -89,8 +89,8 @@ fn every_study_reports_in_text_numbers_and_pictures_and_trains_nothing_twice() {
         ("parts", 3 + 6 + 1 + 6 + 3, 1 + 6 + 6 + 3),
         // With curves, so of their own.
         ("presets", 7, 7),
-        // All; 3 degrees, 5 caps, 4 counts, 3 lengths and a half of 32 px.
-        ("need", 1 + 3 + 5 + 4 + 3 + 1, 3 + 5 + 4 + 3 + 1),
+        // All; 3 degrees, 5 caps, 4 counts, 3 lengths and a half of 32 px; 8 pairs and the chosen one.
+        ("need", 1 + 3 + 5 + 4 + 3 + 1 + 9, 3 + 5 + 4 + 3 + 1 + 9),
     ] {
         let args = format!("{name} {TINY} --seeds 4");
         let (report, log) = succeeds(folder.path(), &args);

@@ -4,7 +4,7 @@ use glam::DVec3;
 use gspotential::report::stats::{Figure, partial_spearman, spearman};
 use gspotential::report::{Cell, Column, Table};
 use gspotential::scene::builtin::{test_cameras, train_cameras};
-use gspotential::study::spread_order;
+use gspotential::study::{Place, below, front, spread_order};
 
 fn figure(values: &[f64]) -> Option<Figure> {
     Figure::of(values.iter().copied().map(Some))
@@ -131,4 +131,27 @@ fn more_training_views_are_the_scenes_own_and_then_those_farthest_apart() {
             .fold(0.0, f64::max);
         assert!((apart(order[k], &order[..k]) - best).abs() < 1e-9, "{k}");
     }
+}
+
+#[test]
+fn a_front_holds_what_no_other_beats() {
+    let place = |variant: &str, cost: f64, quality: f64| Place {
+        variant: variant.into(),
+        cost,
+        quality,
+    };
+    let places = [
+        place("dear and worse", 9.0, 3.0),
+        place("cheapest", 1.0, 1.0),
+        place("best", 8.0, 5.0),
+        place("as cheap, worse", 1.0, 0.5),
+        place("as good, dearer", 2.0, 1.0),
+        place("middle", 3.0, 4.0),
+        place("twin of middle", 3.0, 4.0),
+    ];
+    assert_eq!(front(&places), [1, 5, 2]);
+    assert_eq!(below(&places, &places[0]), 2.0);
+    assert_eq!(below(&places, &places[5]), 0.0);
+    assert_eq!(below(&places, &places[4]), 0.0);
+    assert_eq!(front(&[]), Vec::<usize>::new());
 }

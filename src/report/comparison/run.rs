@@ -99,7 +99,10 @@ impl ComparedRun {
     pub(super) fn points(&self) -> String {
         match self.config.scene.max_points {
             Some(n) => format!("at most {n} points"),
-            None => "at most as many points as training pixels".to_owned(),
+            None => match self.config.scene.pixels_a_point {
+                1.0 => "at most as many points as training pixels".to_owned(),
+                n => format!("at most a point for {n} training pixels"),
+            },
         }
     }
 }

@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::report::plot::{Axis, Plot, Point, Style};
 use crate::run::{CurvePoint, Metrics};
-use crate::train::{ImageLoss, LossSample};
+use crate::train::{ImageLoss, LossSample, SignalPoint};
 
 /// Most points of a curve: a sample is of one view and jumps with it, a mean over many does not.
 const MAX_POINTS: usize = 60;
@@ -24,12 +24,17 @@ pub(crate) struct Trained<'a> {
 pub(crate) fn plots(runs: &[Trained]) -> Result<Vec<String>> {
     let mut plots = vec![loss(runs).to_svg()?, size(runs).to_svg()?];
     // The test views on the way are measured on request alone.
-    let measures: [(&str, Measure); 2] = [("PSNR (dB)", |p| p.psnr), ("SSIM", |p| p.ssim)];
-    for (name, value) in measures {
-        let points = || runs.iter().flat_map(|run| &run.metrics.curve);
-        if points().any(|p| value(p).is_some()) {
-            plots.push(quality(runs, name, value).to_svg()?);
+    let points = || runs.iter().flat_map(|run| &run.metrics.curve);
+    let has_signal = runs.iter().any(|run| !run.metrics.signal.is_empty());
+    if has_signal || points().any(|p| p.psnr.is_some()) {
+        plots.push(psnr(runs).to_svg()?);
+    }
+    if points().any(|p| p.ssim.is_some()) {
+        let mut plot = over_iterations("Test views", "SSIM");
+        for run in runs {
+            plot = plot.with(label(runs, run), Style::Curve, tested(run, |p| p.ssim));
         }
+        plots.push(plot.to_svg()?);
     }
     Ok(plots)
 }
@@ -82,14 +87,37 @@ fn size(runs: &[Trained]) -> Plot {
     plot
 }
 
-fn quality(runs: &[Trained], measure: &str, value: Measure) -> Plot {
-    let mut plot = over_iterations("Test views", measure);
+/// PSNR of the test views beside that of the virtual views held out and, of one run, of the photographs.
+fn psnr(runs: &[Trained]) -> Plot {
+    let mut plot = over_iterations("Views on the way", "PSNR (dB)");
+    let alone = runs.len() == 1;
     for run in runs {
-        let point = |p: &CurvePoint| Some(Point::new(p.iteration.into(), value(p)?));
-        let points = run.metrics.curve.iter().filter_map(point);
-        plot = plot.with(label(runs, run), Style::Curve, points.collect());
+        let name = |what: &str| match alone {
+            true => what.to_owned(),
+            false => format!("{}, {what}", run.name),
+        };
+        let measured = |value: fn(&SignalPoint) -> Option<f64>| -> Vec<Point> {
+            let point = |p: &SignalPoint| Some(Point::new(p.iteration.into(), value(p)?));
+            run.metrics.signal.iter().filter_map(point).collect()
+        };
+        let mut series = vec![
+            ("test views", tested(run, |p| p.psnr)),
+            ("virtual views held out", measured(|p| Some(p.held_out))),
+        ];
+        if alone {
+            series.push(("photographs", measured(|p| p.photographs)));
+        }
+        for (what, points) in series.into_iter().filter(|(_, points)| !points.is_empty()) {
+            plot = plot.with(&name(what), Style::Curve, points);
+        }
     }
     plot
+}
+
+/// A run's errors at the test views.
+fn tested(run: &Trained, value: Measure) -> Vec<Point> {
+    let point = |p: &CurvePoint| Some(Point::new(p.iteration.into(), value(p)?));
+    run.metrics.curve.iter().filter_map(point).collect()
 }
 
 /// Returns means over stretches of samples of one length, each at its stretch's end.

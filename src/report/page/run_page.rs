@@ -129,6 +129,10 @@ fn head(name: &str, config: &Config, metrics: &Metrics, evaluation: &Evaluation)
             (metrics.seed) "; gspotential " (metrics.version) " on " (metrics.adapter) "."
         }
         ul.facts { @for (value, what) in &facts { li { strong { (value) } span { (what) } } } }
+        @if !metrics.chosen.is_empty() {
+            p.quiet { "Chosen for this scene:" }
+            ul.quiet { @for sentence in &metrics.chosen { li { (sentence) } } }
+        }
     }
 }
 

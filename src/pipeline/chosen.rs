@@ -1,0 +1,93 @@
+//! What a run has chosen for its scene, and why, in words.
+
+use crate::config::Config;
+use crate::gaussians::Gaussians;
+use crate::train::length::Settling;
+use crate::train::{SignalPoint, Trim};
+
+/// A sentence for everything that was chosen; none where all was stated.
+pub(super) fn chosen(
+    trained: &Gaussians,
+    iterations: u32,
+    signal: &[SignalPoint],
+    trims: &[Trim],
+    config: &Config,
+) -> Vec<String> {
+    let need = &config.need;
+    let mut sentences = Vec::new();
+    if need.ends {
+        sentences.push(length(iterations, signal, config));
+        let degree = trained.clone().without_empty_degrees().sh_degree;
+        if degree < config.model.sh_degree {
+            sentences.push(format!(
+                "SH degree {degree} of {}: one more begins every {} iterations (model.sh_interval) until \
+                 the learning rates fall",
+                config.model.sh_degree, config.model.sh_interval
+            ));
+        }
+    }
+    let pruned = |trim: &Trim| need.prune || trim.over_budget > 0;
+    let trims: Vec<&Trim> = trims.iter().filter(|trim| pruned(trim)).collect();
+    if let (Some(first), Some(last)) = (trims.first(), trims.last()) {
+        let steps = trims
+            .iter()
+            .map(|trim| trimmed(trim))
+            .collect::<Vec<_>>()
+            .join("; ");
+        sentences.push(format!(
+            "{} Gaussians of {}: {steps} (need.tolerance_db {})",
+            last.n_after, first.n_before, need.tolerance_db
+        ));
+    }
+    sentences
+}
+
+fn length(iterations: u32, signal: &[SignalPoint], config: &Config) -> String {
+    let Settling { from, until } = Settling::of(config, signal);
+    if until == config.iterations {
+        return format!(
+            "{iterations} iterations, the most that there may be (iterations): the held-out views were still \
+             rising"
+        );
+    }
+    let measured = signal.iter().find(|point| point.iteration == from);
+    let psnr = measured.map_or(String::new(), |point| {
+        format!(" at {:.2} dB", point.held_out)
+    });
+    format!(
+        "{iterations} iterations: after {from}, the last third had brought the held-out views less than \
+         {} dB (need.least_gain_db){psnr}, and learning rates fell from there",
+        config.need.least_gain_db
+    )
+}
+
+fn trimmed(trim: &Trim) -> String {
+    let Trim {
+        iteration,
+        n_before,
+        n_after,
+        ..
+    } = trim;
+    if trim.over_budget > 0 {
+        return format!(
+            "{} pruned after {iteration}, {} of them for the file to fit (need.max_mb): {:.3} dB at once, \
+             where {:.3} were allowed, so that the scene needs more",
+            n_before - n_after,
+            trim.over_budget,
+            trim.cost_db,
+            trim.allowed_db
+        );
+    }
+    if n_after == n_before {
+        return format!(
+            "none pruned after {iteration}, for {:.3} dB no share worth it could go",
+            trim.allowed_db
+        );
+    }
+    format!(
+        "{} pruned after {iteration}, which contributed {:.2} % and cost {:.3} dB at once",
+        n_before - n_after,
+        100.0 * trim.contribution,
+        trim.cost_db
+    )
+}
