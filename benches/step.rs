@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use clap::Parser;
 use gspotential::error::{Error, Result};
-use gspotential::gpu::{Gpu, KernelTime, Profile};
+use gspotential::gpu::{Gpu, KernelTime, Profile, Rasterizer};
 use gspotential::pipeline::{kernel_table, prepare};
 use gspotential::render::Kernels;
 use gspotential::run::{Sample, Seconds, StepProfile};
@@ -50,7 +50,8 @@ fn main() -> Result<()> {
     let mut seconds = Seconds::default();
     let prepared = prepare(&scene, &config, &mut seconds)?;
     let gpu = Gpu::open()?;
-    let kernels = Kernels::new(&gpu);
+    let rasterizer = Rasterizer::of(config.render.rasterizer, &gpu);
+    let kernels = Kernels::with(&gpu, rasterizer);
     let supervision = &prepared.supervision;
     let mut trainer = Trainer::new(&gpu, &kernels, &prepared.start, supervision, &config)?;
     let mut warm = 0;

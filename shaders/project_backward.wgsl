@@ -1,15 +1,13 @@
-// Carries gradients back through the projection: one thread a Gaussian sums the Gaussian's pairs in
-// their fixed order, by the blocks that sum_pairs has summed, and carries the sums through covariance,
-// projection, SH direction and quaternion normalisation to the stored parameters. The step's first view writes, its second adds.
+// Carries gradients back through the projection: one thread a Gaussian carries the sums of sum_pairs
+// through covariance, projection, SH direction and quaternion normalisation to the stored
+// parameters. The step's first view writes, its second adds.
 #import shared/thread
 #import shared/view
 #import shared/splat
-#import shared/entries
-#import shared/pair_gradient
+#import shared/splat_gradient
 #import shared/on_screen
 #import shared/double
 #import shared/gaussian
-#import shared/dropout
 #import shared/sh
 #import shared/sh_mean
 
@@ -18,25 +16,21 @@
 @group(0) @binding(2) var<storage, read> sh_0: array<vec4f>;
 @group(0) @binding(3) var<storage, read> sh_2: array<vec4f>;
 @group(0) @binding(4) var<storage, read> sh_3: array<vec4f>;
+// The splats' gradients.
 @group(0) @binding(5) var<storage, read> splats: array<SplatVectors>;
-@group(0) @binding(6) var<storage, read> gaussian_pairs: array<vec2u>;
-@group(0) @binding(7) var<storage, read> d_pair_a: array<vec4f>;
-@group(0) @binding(8) var<storage, read> d_pair_b: array<vec4f>;
-@group(0) @binding(9) var<storage, read> d_pair_c: array<f32>;
 // Planes as `geometry`.
-@group(0) @binding(10) var<storage, read_write> d_geometry: array<vec4f>;
+@group(0) @binding(6) var<storage, read_write> d_geometry: array<vec4f>;
 // One plane a view of the step: xyz d_color (0 where the colour is clamped at 0).
-@group(0) @binding(11) var<storage, read_write> d_color: array<vec4f>;
+@group(0) @binding(7) var<storage, read_write> d_color: array<vec4f>;
 // How the step's first view sees each Gaussian.
-@group(0) @binding(12) var<storage, read_write> screen: array<vec2f>;
-@group(0) @binding(13) var<storage, read> totals: array<u32>;
+@group(0) @binding(8) var<storage, read_write> screen: array<vec2f>;
 
 const TWO_LN_2 = 1.3862943611198906;
 
 @compute @workgroup_size(WORKGROUP)
 fn project_backward(thread: Thread) {
     let id = thread_index(thread);
-    if (id >= view.n_gaussians || totals[TOTAL_OVERFLOW] != 0u) {
+    if (id >= view.n_gaussians) {
         return;
     }
     let stride = view.stride;
@@ -44,8 +38,8 @@ fn project_backward(thread: Thread) {
     // Always true together with the first part alone; as it stands, no branch depends on uniforms
     // only. Mesa's software driver would compile the kernel anew for every dispatch of such a one.
     let is_first = (slot == 0u) & (id < view.n_gaussians);
-    let range = range_of(gaussian_pairs[id]);
-    if (range.first == range.end) {
+    let d = unpacked_gradient(splats[id]);
+    if (d.l_xx == 0.0) {
         if (is_first) {
             d_geometry[id] = vec4f(0.0);
             d_geometry[stride + id] = vec4f(0.0);
@@ -55,30 +49,11 @@ fn project_backward(thread: Thread) {
         d_color[slot * stride + id] = vec4f(0.0);
         return;
     }
-    var a = vec4f(0.0);
-    var b = vec4f(0.0);
-    var c = 0.0;
-    // Single pairs up to an aligned block, such blocks up to an aligned block of them, those, and
-    // the same backwards.
-    // bound: 4 (PAIR_BLOCK - 1) turns and one for PAIR_BLOCK^2 pairs, held by the host.
-    for (var pair = range.first; pair < range.end;) {
-        a += d_pair_a[pair];
-        b += d_pair_b[pair];
-        c += d_pair_c[pair];
-        let left = range.end - pair;
-        var n_summed = select(1u, PAIR_BLOCK, pair % PAIR_BLOCK == 0u && left >= PAIR_BLOCK);
-        let large = PAIR_BLOCK * PAIR_BLOCK;
-        n_summed = select(n_summed, large, pair % large == 0u && left >= large);
-        pair += n_summed;
-    }
-
-    let d = pair_gradient(a, b, c);
     let g = gaussian(id);
-    let s = unpacked(splats[id]);
     let o = project_gaussian(view, g);
-    let l_xx = s.l_xx;
-    let l_xy = s.l_xy;
-    let l_yy = s.l_yy;
+    let l_xx = d.l_xx;
+    let l_xy = d.l_xy;
+    let l_yy = d.l_yy;
 
     // n = cov2d^-1 d: d_mean2d = sum v n, dL/dcov2d = sum v n n^T / 2, in the moments of t.
     let d_mean2d = TWO_LN_2 * vec2f(l_xx * d.x, l_xy * d.x + l_yy * d.y);
@@ -117,9 +92,8 @@ fn project_backward(thread: Thread) {
     );
     var d_mean = d_p.x * view.w2c_x.xyz + d_p.y * view.w2c_y.xyz + d_p.z * view.w2c_z.xyz;
 
-    let d_c = select(vec3f(0.0), d.color, s.color > vec3f(0.0));
     if (SH_DEGREE > 0u) {
-        d_mean += color_to_mean(from_center(view, g.mean), id, d_c);
+        d_mean += color_to_mean(from_center(view, g.mean), id, d.color);
     }
 
     // dL/drotation, column by column, then to the quaternion.
@@ -135,10 +109,8 @@ fn project_backward(thread: Thread) {
         q.x * (r_0.y - r_1.x) + q.y * (r_0.z + r_2.x) + q.z * (r_1.z + r_2.y) - 2.0 * q.w * (r_0.x + r_1.y),
     );
     let d_rotation = (d_q - q * dot(q, d_q)) / norm;
-    // d.v = dL/dopacity opacity for the opacity drawn, sigmoid(logit) / (1 - p).
-    let d_opacity_logit = d.v * (1.0 - kept_share(view) * s.opacity);
 
-    var d_0 = vec4f(d_mean, d_opacity_logit);
+    var d_0 = vec4f(d_mean, d.opacity_logit);
     var d_1 = vec4f(d_scale_log, 0.0);
     var d_2 = d_rotation;
     if (is_first) {
@@ -157,5 +129,5 @@ fn project_backward(thread: Thread) {
     d_geometry[id] = d_0;
     d_geometry[stride + id] = d_1;
     d_geometry[2u * stride + id] = d_2;
-    d_color[slot * stride + id] = vec4f(d_c, 0.0);
+    d_color[slot * stride + id] = vec4f(d.color, 0.0);
 }

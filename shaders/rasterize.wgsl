@@ -1,4 +1,7 @@
-// Composites each tile's splats front to back: one thread a tile, four pixels a vec4f.
+// Composites each tile's splats front to back: one thread a tile of 4 x TILE_H pixels, for drivers that
+// run on a CPU (rasterize_workgroup is for GPUs). It keeps the tile's rows as vec4f, each in variables of
+// its own (an array of them would live in memory). No thread ever needs another's result, so there is
+// no barrier, no workgroup memory and no reduction across threads.
 //
 // alpha = min(ALPHA_MAX, opacity 2^-|t|^2); alpha < ALPHA_MIN is skipped; a splat that would take
 // the transmittance to TRANSMITTANCE_MIN or below is not blended and ends its pixel.
@@ -9,16 +12,13 @@
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> splats: array<SplatVectors>;
-@group(0) @binding(2) var<storage, read> tile_ranges: array<vec2u>;
-@group(0) @binding(8) var<storage, read> tile_order: array<u32>;
-@group(0) @binding(3) var<storage, read> tile_pairs: array<TilePair>;
-@group(0) @binding(7) var<storage, read> pair_gaussian: array<u32>;
+@group(0) @binding(2) var<storage, read> tile_order: array<vec4u>;
+@group(0) @binding(3) var<storage, read> tile_splats: array<vec2u>;
 // Planes r, g, b, final transmittance.
 @group(0) @binding(4) var<storage, read_write> rendered: array<vec4f>;
-// Per pixel: one past the last blended splat, counted from its tile's first.
-@group(0) @binding(5) var<storage, read_write> last_blended: array<vec4u>;
-@group(0) @binding(6) var<storage, read> totals: array<u32>;
-@group(0) @binding(9) var<uniform> slice: Slice;
+// Plane `view.blended_plane`, per pixel: one past the last blended splat, counted from its tile's first.
+@group(0) @binding(5) var<storage, read_write> d_rendered: array<vec4u>;
+@group(0) @binding(6) var<uniform> slice: Slice;
 
 #import shared/tile
 
@@ -29,7 +29,7 @@ fn rasterize(thread: Thread) {
 }
 
 // The next LIST_SLICE entries of every list. A tile whose list goes on leaves its state in
-// `rendered`, colours without background and the transmittance with its sign, and in `last_blended`.
+// `rendered`, colours without background and the transmittance with its sign, and in `d_rendered`.
 @compute @workgroup_size(WORKGROUP)
 fn rasterize_slice(thread: Thread) {
     composite(thread_index(thread), slice.first, true);
@@ -38,8 +38,9 @@ fn rasterize_slice(thread: Thread) {
 // `sliced` is known where the function is compiled: without slices nothing of them is left.
 fn composite(thread: u32, slice_first: u32, sliced: bool) {
     // Beyond the last block this reads another's entry or, held to the bounds, the last.
-    let tile = tile_order[thread];
-    if (tile >= view.tiles.x * view.tiles.y || totals[TOTAL_OVERFLOW] != 0u) {
+    let list = tile_list(tile_order[thread]);
+    let tile = list.tile;
+    if (tile >= view.tiles.x * view.tiles.y) {
         return;
     }
     let x4 = tile % view.tiles.x;
@@ -58,7 +59,7 @@ fn composite(thread: u32, slice_first: u32, sliced: bool) {
     transmittance_{r} = vec4f(1.0);
     #end
 
-    let range = range_of(tile_ranges[tile]);
+    let range = list.range;
     var first = range.first;
     var end = range.end;
     if (sliced) {
@@ -75,15 +76,14 @@ fn composite(thread: u32, slice_first: u32, sliced: bool) {
             green_{r} = rendered[plane_index(view, 1u, x4, y + {r}u)];
             blue_{r} = rendered[plane_index(view, 2u, x4, y + {r}u)];
             transmittance_{r} = rendered[plane_index(view, 3u, x4, y + {r}u)];
-            last_{r} = last_blended[plane_index(view, 0u, x4, y + {r}u)];
+            last_{r} = d_rendered[plane_index(view, view.blended_plane, x4, y + {r}u)];
             #end
         }
     }
-    // bound: LIST_SLICE turns; a longer list is seen by order_tiles, and the step is taken again in
+    // bound: LIST_SLICE turns; order_tiles hands out no longer list, and the step is taken again in
     // slices.
     for (var i = first; i < end; i++) {
-        let id = pair_gaussian[tile_pairs[i].pair];
-        let s = unpacked(splats[id]);
+        let s = unpacked(splats[tile_splat(tile_splats[i]).gaussian]);
         let t_x0 = s.t_0.x + s.l_xx * (px - s.anchor.x);
         let number = vec4u(i - range.first + 1u);
         var most = vec4f(-1.0);
@@ -121,7 +121,7 @@ fn composite(thread: u32, slice_first: u32, sliced: bool) {
         rendered[plane_index(view, 1u, x4, y + {r}u)] = green_{r} + background.y * t;
         rendered[plane_index(view, 2u, x4, y + {r}u)] = blue_{r} + background.z * t;
         rendered[plane_index(view, 3u, x4, y + {r}u)] = t;
-        last_blended[plane_index(view, 0u, x4, y + {r}u)] = last_{r};
+        d_rendered[plane_index(view, view.blended_plane, x4, y + {r}u)] = last_{r};
     }
     #end
 }

@@ -1,5 +1,5 @@
-// Carries the gradient back through the compositing: one thread a tile, back to front, so that the
-// transmittance before a splat follows from that behind it by one division.
+// Carries the gradient back through the compositing: one thread a tile, as rasterize, back to front, so that
+// the transmittance before a splat follows from that behind it by one division.
 //
 // A pair gets nine sums (shared/pair_gradient). Moments of t (|t| < 3) keep the gradient of position
 // and covariance well conditioned for any elongation; the chain to them follows once per Gaussian.
@@ -11,23 +11,24 @@
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> splats: array<SplatVectors>;
-@group(0) @binding(2) var<storage, read> tile_ranges: array<vec2u>;
-@group(0) @binding(12) var<storage, read> tile_order: array<u32>;
-@group(0) @binding(3) var<storage, read> tile_pairs: array<TilePair>;
-@group(0) @binding(11) var<storage, read> pair_gaussian: array<u32>;
+@group(0) @binding(2) var<storage, read> tile_order: array<vec4u>;
+@group(0) @binding(3) var<storage, read> tile_splats: array<vec2u>;
 // Written where lists are sliced alone.
 @group(0) @binding(4) var<storage, read_write> rendered: array<vec4f>;
-@group(0) @binding(5) var<storage, read> last_blended: array<vec4u>;
-// Planes d_r, d_g, d_b, d_alpha: gradient of the loss with respect to the render.
-@group(0) @binding(6) var<storage, read> d_rendered: array<vec4f>;
+// Bits of planes d_r, d_g, d_b, d_alpha: gradient of the loss with respect to the render. Plane
+// `view.blended_plane`: what the rasterizer has blended last.
+@group(0) @binding(5) var<storage, read> d_rendered: array<vec4u>;
 // Per pair: the parts of a PairGradient.
-@group(0) @binding(7) var<storage, read_write> d_pair_a: array<vec4f>;
-@group(0) @binding(8) var<storage, read_write> d_pair_b: array<vec4f>;
-@group(0) @binding(9) var<storage, read_write> d_pair_c: array<f32>;
-@group(0) @binding(10) var<storage, read> totals: array<u32>;
-@group(0) @binding(13) var<uniform> slice: Slice;
+@group(0) @binding(6) var<storage, read_write> d_pair_a: array<vec4f>;
+@group(0) @binding(7) var<storage, read_write> d_pair_b: array<vec4f>;
+@group(0) @binding(8) var<storage, read_write> d_pair_c: array<f32>;
+@group(0) @binding(9) var<uniform> slice: Slice;
 
 #import shared/tile
+
+fn gradient(plane: u32, x4: u32, y: u32) -> vec4f {
+    return bitcast<vec4f>(d_rendered[plane_index(view, plane, x4, y)]);
+}
 
 fn sum4(v: vec4f) -> f32 {
     return (v.x + v.y) + (v.z + v.w);
@@ -49,8 +50,9 @@ fn rasterize_backward_slice(thread: Thread) {
 // `sliced` is known where the function is compiled: without slices nothing of them is left.
 fn carry_back(thread: u32, slice_first: u32, sliced: bool) {
     // Beyond the last block this reads another's entry or, held to the bounds, the last.
-    let tile = tile_order[thread];
-    if (tile >= view.tiles.x * view.tiles.y || totals[TOTAL_OVERFLOW] != 0u) {
+    let list = tile_list(tile_order[thread]);
+    let tile = list.tile;
+    if (tile >= view.tiles.x * view.tiles.y) {
         return;
     }
     let x4 = tile % view.tiles.x;
@@ -69,20 +71,20 @@ fn carry_back(thread: u32, slice_first: u32, sliced: bool) {
     var n_blended = 0u;
     #repeat r TILE_H
     {
-        d_red_{r} = d_rendered[plane_index(view, 0u, x4, y + {r}u)];
-        d_green_{r} = d_rendered[plane_index(view, 1u, x4, y + {r}u)];
-        d_blue_{r} = d_rendered[plane_index(view, 2u, x4, y + {r}u)];
-        let d_alpha = d_rendered[plane_index(view, 3u, x4, y + {r}u)];
+        d_red_{r} = gradient(0u, x4, y + {r}u);
+        d_green_{r} = gradient(1u, x4, y + {r}u);
+        d_blue_{r} = gradient(2u, x4, y + {r}u);
+        let d_alpha = gradient(3u, x4, y + {r}u);
         let t = rendered[plane_index(view, 3u, x4, y + {r}u)];
         let background = d_red_{r} * view.background.x + d_green_{r} * view.background.y + d_blue_{r} * view.background.z;
         transmittance_{r} = t;
         behind_{r} = t * (background - d_alpha);
-        last_{r} = last_blended[plane_index(view, 0u, x4, y + {r}u)];
+        last_{r} = d_rendered[plane_index(view, view.blended_plane, x4, y + {r}u)];
         n_blended = max(n_blended, max(max(last_{r}.x, last_{r}.y), max(last_{r}.z, last_{r}.w)));
     }
     #end
 
-    let range = range_of(tile_ranges[tile]);
+    let range = list.range;
     var end = range.end;
     // Entries blended in front of the slice, and in the slice and in front of it.
     var n_before = 0u;
@@ -102,16 +104,16 @@ fn carry_back(thread: u32, slice_first: u32, sliced: bool) {
     }
     // bound: LIST_SLICE turns, and as many again below.
     for (var i = range.first + n_blended; i < end; i++) {
-        let pair = tile_pairs[i].pair;
+        let pair = tile_splat(tile_splats[i]).pair;
         d_pair_a[pair] = vec4f(0.0);
         d_pair_b[pair] = vec4f(0.0);
         d_pair_c[pair] = 0.0;
     }
     // bound: LIST_SLICE turns.
     for (var number = n_blended; number > n_before; number--) {
-        let pair = tile_pairs[range.first + number - 1u].pair;
-        let id = pair_gaussian[pair];
-        let s = unpacked(splats[id]);
+        let entry = tile_splat(tile_splats[range.first + number - 1u]);
+        let pair = entry.pair;
+        let s = unpacked(splats[entry.gaussian]);
         let t_x0 = s.t_0.x + s.l_xx * (px - s.anchor.x);
         var sum_v = 0.0;
         var sum_x = 0.0;

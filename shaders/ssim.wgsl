@@ -458,6 +458,13 @@ fn ssim_vertical_backward(thread: Thread) {
     }
     #end
     let d_y = convolve_columns(base + 2u, at.x4, at.y);
+    // The loss does not depend on the coverage. Planes lie elsewhere for a view of another size, so
+    // what one has left here may be another's gradient.
+    if (at.channel == 0u) {
+        #repeat r SSIM_ROWS
+        d_rendered[plane_index(view, 3u, at.x4, at.y + {r}u)] = vec4f(0.0);
+        #end
+    }
     var sum = vec4f(0.0);
     #repeat r SSIM_ROWS
     if (at.y + {r}u >= view.size.y) {

@@ -1,5 +1,5 @@
-// Finds where each tile's pairs begin and end in the sorted pairs: one thread RANGE_CHUNK pairs.
-// Tiles without pairs keep the empty range that the buffer was cleared to.
+// Finds where each tile's pairs begin and end in the sorted pairs, and the Gaussian of each: one thread
+// RANGE_CHUNK pairs. Tiles without pairs keep the empty range that the buffer was cleared to.
 #import shared/thread
 #import shared/view
 #import shared/entries
@@ -9,8 +9,11 @@
 @group(0) @binding(1) var<storage, read> tile_pairs: array<TilePair>;
 @group(0) @binding(2) var<storage, read_write> tile_ranges: array<Range>;
 @group(0) @binding(3) var<uniform> view: View;
-// Per thread of the rasterizers its tile, one past the last where it has none.
-@group(0) @binding(4) var<storage, read_write> tile_order: array<u32>;
+// Per thread of the rasterizers its tile, one past the last where it has none, and the tile's list.
+@group(0) @binding(4) var<storage, read_write> tile_order: array<vec4u>;
+@group(0) @binding(5) var<storage, read> pair_gaussian: array<u32>;
+// In the order of `tile_pairs`.
+@group(0) @binding(6) var<storage, read_write> tile_splats: array<vec2u>;
 
 const NO_TILE = 0xffffffffu;
 
@@ -28,7 +31,9 @@ fn find_tile_ranges(thread: Thread) {
     }
     // bound: RANGE_CHUNK turns.
     for (var i = first; i < last; i++) {
-        let tile = tile_pairs[i].tile;
+        let entry = tile_pairs[i];
+        let tile = entry.tile;
+        tile_splats[i] = stored_tile_splat(TileSplat(pair_gaussian[entry.pair], entry.pair));
         if (tile != before) {
             tile_ranges[tile].first = i;
             if (before != NO_TILE) {
@@ -48,7 +53,8 @@ var<workgroup> lengths: array<u32, WORKGROUP>;
 // image last: one workgroup a block. Threads that run in lockstep then have lists of about one
 // length, and few wait for another; blocks keep together what lies together in the image.
 //
-// A list longer than the step's slices cover stops the step, as pairs that do not fit do.
+// A list longer than the step's slices cover stops the step, as pairs that do not fit do. It is no
+// thread's, nor is any tile once the step has stopped.
 @compute @workgroup_size(WORKGROUP)
 fn order_tiles(thread: Thread) {
     let block = workgroup_index(thread);
@@ -60,10 +66,12 @@ fn order_tiles(thread: Thread) {
     let tile = select(view.tiles.x * view.tiles.y, y * view.tiles.x + x, inside);
     // One more than the length, 0 outside.
     var length = 0u;
+    var range = Range(0u, 0u);
     if (inside) {
-        let range = tile_ranges[tile];
-        // What ends before it begins, as a driver's fault may have it, is empty to the rasterizers.
-        length = 1u + max(range.first, range.end) - range.first;
+        range = tile_ranges[tile];
+        // What ends before it begins, as a driver's fault may have it, is empty.
+        range.end = max(range.first, range.end);
+        length = 1u + range.end - range.first;
     }
     lengths[thread.local] = length;
     workgroupBarrier();
@@ -73,11 +81,14 @@ fn order_tiles(thread: Thread) {
         let other = lengths[i];
         rank += select(0u, 1u, other > length || (other == length && i < thread.local));
     }
+    let too_long = length > view.longest_list + 1u;
     if (block < n_across * n_down) {
-        tile_order[block * WORKGROUP + rank] = tile;
+        let stopped = too_long || atomicLoad(&totals[TOTAL_OVERFLOW]) != 0u;
+        let own = select(tile, view.tiles.x * view.tiles.y, stopped);
+        tile_order[block * WORKGROUP + rank] = stored_tile_list(TileList(own, range));
     }
     // The longest of the block; after an overflow all lists are empty.
-    if (rank == 0u && length > view.longest_list + 1u) {
+    if (rank == 0u && too_long) {
         atomicMax(&totals[TOTAL_LONGEST], length - 1u);
         // All that are too long are of one step.
         atomicStore(&totals[TOTAL_OVERFLOW], atomicLoad(&totals[TOTAL_STEP]));

@@ -255,6 +255,7 @@ fn metrics(pose_protocol: PoseProtocol) -> Metrics {
     Metrics {
         version: "1".into(),
         adapter: "none".into(),
+        rasterizer: None,
         seed: 0,
         iterations: 1,
         scene: SceneRecord {

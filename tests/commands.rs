@@ -1,11 +1,14 @@
 //! The three commands in a row, on a tiny scene: what the README promises of a run.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
 use gspotential::doctor::stage;
+use gspotential::gpu::Rasterizer;
+use gspotential::gpu::shader::{STAGES, compose};
 
-use crate::kit::program::{run, succeed};
+use crate::kit::program::{command, ended, run, succeed};
 use crate::metrics::lpips_reference::{ALEX, generated};
 
 fn json(path: &Path) -> serde_json::Value {
@@ -244,9 +247,80 @@ fn the_doctor_finds_every_stage_in_bounds_and_says_so_in_both_forms() {
         );
     }
     assert!(report["findings"].as_array().expect("findings").len() > 400);
-    let hashes = &report["repeat"]["hashes"];
-    assert_eq!(hashes[0], hashes[1]);
+    let rasterizers = report["rasterizers"].as_array().expect("rasterizers");
+    assert_eq!(rasterizers.len(), Rasterizer::ALL.len());
+    for rasterizer in rasterizers {
+        let hashes = &rasterizer["repeat"]["hashes"];
+        assert_eq!(hashes[0], hashes[1]);
+        assert!(
+            rasterizer["view_seconds"].as_f64() > Some(0.0),
+            "{rasterizer}"
+        );
+    }
     assert!(table.contains("equal to the bit") && table.contains("storage buffers"));
+}
+
+/// No driver is asked, so none is found missing.
+#[test]
+fn the_doctor_writes_every_shader_as_the_driver_gets_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let doctor = |args: &[&str]| {
+        let args = [&["doctor", "--wgsl", "shaders"][..], args].concat();
+        let mut command = command(folder.path(), &args[..]);
+        command.env("VK_ICD_FILENAMES", "/nonexistent.json");
+        command.env("VK_DRIVER_FILES", "/nonexistent.json");
+        ended(&mut command)
+    };
+    let first = doctor(&[]);
+    assert_eq!(first.code, Some(0), "{}", first.log);
+    let files = || -> BTreeMap<String, String> {
+        let entries = fs::read_dir(folder.path().join("shaders")).unwrap();
+        let file = |entry: std::io::Result<fs::DirEntry>| {
+            let entry = entry.unwrap();
+            let name = entry.file_name().into_string().unwrap();
+            (name, fs::read_to_string(entry.path()).unwrap())
+        };
+        entries.map(file).collect()
+    };
+    let written = files();
+    for (name, text) in &written {
+        let (stage, degree) = match name.strip_suffix(".wgsl").unwrap().split_once("_degree_") {
+            Some((stage, degree)) => (stage, degree.parse().unwrap()),
+            None => (name.strip_suffix(".wgsl").unwrap(), 0),
+        };
+        assert!(*text == compose(stage, degree), "{name}");
+    }
+    for (stage, _) in STAGES {
+        // One for every degree exactly where the degree makes a difference beyond its own constant.
+        let own = |degree| {
+            compose(stage, degree)
+                .split_once('\n')
+                .unwrap()
+                .1
+                .to_owned()
+        };
+        let constant = "const SH_DEGREE = 0u;";
+        assert!(compose(stage, 0).starts_with(constant));
+        let asks = own(0).contains("SH_DEGREE");
+        for degree in 0..4 {
+            let name = format!("{stage}_degree_{degree}.wgsl");
+            assert_eq!(written.contains_key(&name), asks, "{name}");
+        }
+        assert_ne!(
+            written.contains_key(&format!("{stage}.wgsl")),
+            asks,
+            "{stage}"
+        );
+    }
+    // What is there stays until it is said otherwise.
+    let altered = folder.path().join("shaders/bin.wgsl");
+    fs::write(&altered, "mine").unwrap();
+    let again = doctor(&[]);
+    assert_eq!(again.code, Some(1), "{}", again.log);
+    assert!(again.log.contains("--overwrite"), "{}", again.log);
+    assert_eq!(fs::read_to_string(&altered).unwrap(), "mine");
+    assert_eq!(doctor(&["--overwrite"]).code, Some(0));
+    assert!(files() == written);
 }
 
 /// Trains a tiny scene into `out`.

@@ -66,6 +66,7 @@ impl Made {
         Metrics {
             version: "1.2.3".into(),
             adapter: "none".into(),
+            rasterizer: None,
             seed: config.seed,
             iterations: config.iterations,
             scene: SceneRecord {

@@ -84,6 +84,7 @@ fn one_in_so_many_virtual_views_is_held_out_and_the_others_stay_as_they_were() {
     assert_eq!(names(&held.supervision.virtual_views), others);
     // Too few to hold one out of: said, and trained on.
     config.need.hold_out = 13;
+    config.need.ends = true;
     let few = prepared(&scene, &config);
     assert!(few.supervision.held_out.is_empty());
     let warnings = few.warnings.join("; ");

@@ -253,6 +253,7 @@ fn metrics_read_back_and_keep_what_may_vary_apart() {
     let metrics = Metrics {
         version: "1".into(),
         adapter: "none".into(),
+        rasterizer: None,
         seed: 7,
         iterations: 10,
         scene: SceneRecord {

@@ -66,7 +66,8 @@ pub(crate) fn measure(
 ) -> Result<Timed> {
     let mut rig = Rig::new(ctx, gaussians, view, gaussians.sh_degree)?;
     rig.forward(ctx)?;
-    let ranges: Vec<[u32; 2]> = rig.read(ctx, "tile_ranges", view.n_tiles())?;
+    let n_tiles = ctx.kernels.rasterizer.n_tiles(view.size);
+    let ranges: Vec<[u32; 2]> = rig.read(ctx, "tile_ranges", n_tiles)?;
     let mut profile = Profile::new(&ctx.gpu);
     let mut stages = STAGES.map(|(stage, _)| (stage, f64::INFINITY));
     for _ in 0..rounds.max(1) {

@@ -11,6 +11,12 @@ struct TilePair {
     pair: u32,
 }
 
+// What a rasterizer blends, in the order in which its tile does.
+struct TileSplat {
+    gaussian: u32,
+    pair: u32,
+}
+
 // A range of a list, from `first` to before `end`.
 struct Range {
     first: u32,
@@ -31,4 +37,26 @@ fn stored_range(r: Range) -> vec2u {
 
 fn range_of(v: vec2u) -> Range {
     return Range(v.x, v.y);
+}
+
+fn stored_tile_splat(s: TileSplat) -> vec2u {
+    return vec2u(s.gaussian, s.pair);
+}
+
+fn tile_splat(v: vec2u) -> TileSplat {
+    return TileSplat(v.x, v.y);
+}
+
+// A tile and the range of its list.
+struct TileList {
+    tile: u32,
+    range: Range,
+}
+
+fn stored_tile_list(l: TileList) -> vec4u {
+    return vec4u(l.tile, l.range.first, l.range.end, 0u);
+}
+
+fn tile_list(v: vec4u) -> TileList {
+    return TileList(v.x, Range(v.y, v.z));
 }

@@ -7,10 +7,7 @@ struct Slice {
     pad_2: u32,
 }
 
-// The forward and the backward rasterizer share this. One thread owns a tile of 4 x TILE_H pixels and
-// keeps its rows as vec4f, each in variables of its own (an array of them would live in memory). No
-// thread ever needs another's result, so there is no barrier, no workgroup memory and no reduction
-// across threads, and the order of every sum is fixed.
+// All rasterizers, forward and backward, share this.
 
 // 2^x for x <= 0 to about 1 ulp, on every driver: drivers may return 2^x with an error that
 // a gradient of 1e-5 would see.

@@ -53,8 +53,9 @@ struct View {
     // Distances from the optical centre up to which that share counts in full, and at 0.7.
     near_layer: f32,
     middle_layer: f32,
-    pad_1: f32,
-    pad_2: f32,
+    // The plane of `d_rendered` that holds what each pixel has blended last.
+    blended_plane: u32,
+    pad_1: u32,
 }
 
 // `p` less the optical centre.

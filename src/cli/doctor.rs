@@ -1,18 +1,20 @@
 //! This is the command `gspotential doctor`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use crate::doctor::examine;
 use crate::error::{Error, Result};
-use crate::files::write_file;
+use crate::files::{create_dir, write_file};
 use crate::gpu::Gpu;
+use crate::gpu::shader;
 
 const EXAMPLES: &str = "\
 Examples:
   gspotential doctor
   gspotential doctor --json doctor.json > doctor.md
+  gspotential doctor --wgsl shaders-of-this-version
 
 Exit code 1 says that a stage is out of bounds, or that there is no adapter.";
 
@@ -27,13 +29,21 @@ pub(crate) struct DoctorArgs {
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 
-    /// Replace the file of --json
+    /// Write every shader as the driver gets it to this folder, for bug reports and other tools, and
+    /// examine nothing: no adapter is needed
+    #[arg(long, value_name = "DIR", conflicts_with = "json")]
+    wgsl: Option<PathBuf>,
+
+    /// Replace the file of --json, or those in the folder of --wgsl
     #[arg(long)]
     overwrite: bool,
 }
 
 impl DoctorArgs {
     pub(crate) fn run(self) -> Result<()> {
+        if let Some(folder) = &self.wgsl {
+            return write_shaders(folder, self.overwrite);
+        }
         if let Some(path) = &self.json {
             super::check_output(path, self.overwrite)?;
         }
@@ -49,4 +59,21 @@ impl DoctorArgs {
         }
         report.verdict()
     }
+}
+
+/// Writes every shader to `folder`, all of them or none where one is there already.
+fn write_shaders(folder: &Path, overwrite: bool) -> Result<()> {
+    let programs = shader::programs();
+    let path_of = |name: &str| folder.join(format!("{name}.wgsl"));
+    if folder.is_dir() {
+        for (name, _) in &programs {
+            super::check_output(&path_of(name), overwrite)?;
+        }
+    }
+    create_dir(folder)?;
+    for (name, source) in &programs {
+        write_file(&path_of(name), source.as_bytes())?;
+    }
+    log::info!("{} shaders in {}", programs.len(), folder.display());
+    Ok(())
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::Config;
+use super::{Config, RasterizerChoice};
 use crate::error::{Error, Result, did_you_mean};
 use crate::files::read_file;
 
@@ -172,10 +172,23 @@ impl Config {
         Ok(values.collect())
     }
 
-    /// Returns the values that differ from the preset's, in the order of the keys; the seed is none
-    /// of them.
+    /// Returns the values in which a run's config is not what was asked for; as [`Config::differences`], but that
+    /// the run has decided what `auto` leaves to its adapter.
+    ///
+    /// # Errors
+    /// A config that cannot be written.
+    pub fn departures(&self, asked: &Config) -> Result<Vec<Difference>> {
+        let mut asked = asked.clone();
+        if asked.render.rasterizer == RasterizerChoice::Auto {
+            asked.render.rasterizer = self.render.rasterizer;
+        }
+        self.differences(&asked)
+    }
+
+    /// Returns the values that differ from the preset's, in the order of the keys; neither the seed nor what
+    /// the preset leaves to the adapter is one of them.
     pub fn changes(&self) -> Result<Vec<Difference>> {
-        let mut changes = self.differences(&Config::preset(&self.preset)?)?;
+        let mut changes = self.departures(&Config::preset(&self.preset)?)?;
         changes.retain(|change| change.key != "seed");
         Ok(changes)
     }

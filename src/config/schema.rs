@@ -31,6 +31,8 @@ section! {
         views: ViewsConfig = ViewsConfig::default(), any();
         /// Point splatting of the cloud into the virtual views.
         splat: SplatConfig = SplatConfig::default(), any();
+        /// How views are rendered.
+        render: RenderConfig = RenderConfig::default(), any();
         /// The Gaussians at the start.
         model: ModelConfig = ModelConfig::default(), any();
         /// Large Gaussians on a sphere beyond the scene: a background that lives in the file.
@@ -221,6 +223,29 @@ choice! {
         Pixel = "pixel",
         /// A disc as large as its source pixel, with a visibility pass: surface splatting.
         Disc = "disc",
+    }
+}
+
+section! {
+    /// How views are rendered.
+    struct RenderConfig {
+        /// What rasterizes a tile: a `thread`, for drivers that run on a CPU, or a `workgroup`, for GPUs;
+        /// `auto` is the one for the adapter, and a run's `config.json` says which that was.
+        rasterizer: RasterizerChoice = RasterizerChoice::Auto, any();
+    }
+}
+
+choice! {
+    /// How the rasterizers share an image out among the adapter's threads. Images are the same;
+    /// gradients are summed up in another order, so that trainings differ in their last bits.
+    enum RasterizerChoice {
+        /// `thread` on a driver that runs on a CPU, `workgroup` on a GPU; a run's `config.json` says
+        /// which of them it was.
+        Auto = "auto",
+        /// One thread a tile of 4x8 pixels.
+        Thread = "thread",
+        /// One workgroup of 64 threads a tile of 16x16 pixels.
+        Workgroup = "workgroup",
     }
 }
 

@@ -51,7 +51,8 @@ pub fn config() -> Result<Config> {
 /// As [`Workspace::new`].
 pub fn workspace(ctx: &Context, stride: usize) -> Result<Workspace> {
     let view = view_of(&cameras()[0]);
-    Workspace::new(&ctx.gpu, Capacity::new(stride, 64, &[view]), true)
+    let capacity = Capacity::new(ctx.kernels.rasterizer, stride, 64, &[view]);
+    Workspace::new(&ctx.gpu, capacity, true)
 }
 
 /// Returns parameters or moments by class.

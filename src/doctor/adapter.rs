@@ -6,12 +6,12 @@ use crate::gpu::Gpu;
 use crate::gpu::constants::WORKGROUP;
 use crate::render::most_gaussians;
 
-/// Most storage buffers that a kernel binds (`project_backward`).
-pub const STORAGE_BUFFERS: u32 = 13;
+/// Most storage buffers that a kernel binds, no more than WebGPU promises everywhere.
+pub const STORAGE_BUFFERS: u32 = 8;
 /// Most uniform buffers that a kernel binds.
 pub const UNIFORM_BUFFERS: u32 = 2;
-/// Most bytes that a workgroup shares (`pose_backward`).
-pub const WORKGROUP_BYTES: u32 = 2048;
+/// Most bytes that a workgroup shares (`rasterize_backward_workgroup`).
+pub const WORKGROUP_BYTES: u32 = 6852;
 
 /// The adapter and its limits.
 #[derive(Clone, Debug, Serialize)]
@@ -63,7 +63,7 @@ impl Limit {
 impl Adapter {
     /// Reads properties and limits of an opened adapter.
     pub fn of(gpu: &Gpu) -> Adapter {
-        let (info, limits) = (&gpu.info, &gpu.limits);
+        let (info, limits) = (&gpu.info, &gpu.adapter_limits);
         let limit = |name, adapter, needed| Limit {
             name,
             adapter,

@@ -11,7 +11,7 @@ use crate::doctor::twin::raster::ALPHA_MIN;
 use crate::doctor::twin::tolerance;
 use crate::error::Result;
 use crate::gpu::Commands;
-use crate::gpu::constants::{BLOCK_H, BLOCK_W, RIM, TILE_H, TILE_W, TOTAL_PAIRS};
+use crate::gpu::constants::{BLOCK_H, BLOCK_W, RIM, TOTAL_PAIRS};
 use crate::render::{Pass, Splat};
 
 /// A projected Gaussian as the GPU stores it: `u, v, A, B, C, r, g, b, opacity`.
@@ -74,18 +74,21 @@ pub fn examine(
     // A count that is wrong may be any number.
     let n_pairs = (total as usize).min(rig.workspace.capacity.pairs);
     let pairs: Vec<[u32; 2]> = rig.read(ctx, "pairs", n_pairs)?;
+    let rasterizer = ctx.kernels.rasterizer;
+    let [tile_width, tile_height] = rasterizer.tile().map(|side| side as usize);
     let grid = TileGrid {
         width: camera.width,
         height: camera.height,
-        tile_width: TILE_W as usize,
-        tile_height: TILE_H as usize,
+        tile_width,
+        tile_height,
     };
     let emitted = Emitted {
         pairs: &pairs,
         pair_gaussian: rig.read(ctx, "pair_gaussian", n_pairs)?,
         gaussian_pairs: rig.read(ctx, "gaussian_pairs", n)?,
     };
-    let lengths = hold_pairs(&emitted, &order, &counts, twin, &grid, out);
+    let bin = stage::own(rasterizer).bin;
+    let lengths = hold_pairs(bin, &emitted, &order, &counts, twin, &grid, out);
 
     run(|pass, commands| pass.sort_by_tile(commands));
     let tile_pairs: Vec<[u32; 2]> = rig.read(ctx, "tile_pairs", n_pairs)?;
@@ -96,7 +99,12 @@ pub fn examine(
     let expected = ranges_of(&expected, grid.n_tiles());
     out.equal((stage::TILE_RANGES, "ranges"), &ranges, &expected);
     run(|pass, commands| pass.order_tiles(commands));
-    let order: Vec<u32> = rig.read(ctx, "tile_order", rig.view.n_tile_slots())?;
+    let own: Vec<[u32; 2]> = rig.read(ctx, "tile_splats", n_pairs)?;
+    let gaussian_of = |pair: u32| emitted.pair_gaussian.get(pair as usize).copied();
+    let with_gaussian = |[_, pair]: &[u32; 2]| [gaussian_of(*pair).unwrap_or(u32::MAX), *pair];
+    let splats: Vec<[u32; 2]> = tile_pairs.iter().map(with_gaussian).collect();
+    out.equal((stage::TILE_RANGES, "Gaussians"), &own, &splats);
+    let order: Vec<[u32; 4]> = rig.read(ctx, "tile_order", rasterizer.n_slots(rig.view.size))?;
     let expected = order_of(&expected, &grid);
     out.equal((stage::TILE_ORDER, "tiles"), &order, &expected);
     Ok(lengths)
@@ -213,9 +221,9 @@ fn ranges_of(tile_pairs: &[[u32; 2]], n_tiles: usize) -> Vec<[u32; 2]> {
     ranges
 }
 
-/// Returns the tiles block by block, a block's tiles by length, longest first, equal ones in rows;
-/// the number of tiles stands for those outside the image.
-fn order_of(ranges: &[[u32; 2]], grid: &TileGrid) -> Vec<u32> {
+/// Returns the tiles block by block, a block's tiles by length, longest first, equal ones in rows,
+/// each with its range; the number of tiles stands for those outside the image.
+fn order_of(ranges: &[[u32; 2]], grid: &TileGrid) -> Vec<[u32; 4]> {
     let (columns, rows) = (grid.columns(), ranges.len() / grid.columns());
     let [block_w, block_h] = [BLOCK_W, BLOCK_H].map(|side| side as usize);
     let mut order = Vec::new();
@@ -227,7 +235,10 @@ fn order_of(ranges: &[[u32; 2]], grid: &TileGrid) -> Vec<u32> {
             let mut block: Vec<usize> = tiles.map(|(x, y)| y * columns + x).collect();
             block.sort_by_key(|tile| std::cmp::Reverse(ranges[*tile][1] - ranges[*tile][0]));
             block.resize(block_w * block_h, ranges.len());
-            order.extend(block.into_iter().map(|tile| tile as u32));
+            order.extend(block.into_iter().map(|tile| {
+                let [first, end] = ranges.get(tile).copied().unwrap_or_default();
+                [tile as u32, first, end, 0]
+            }));
         }
     }
     order
@@ -245,6 +256,7 @@ struct Emitted<'a> {
 /// were counted, each splat's tiles ascending; every tile that a pixel needs is there, and none off
 /// the splat's bounding box.
 fn hold_pairs(
+    bin: &'static str,
     emitted: &Emitted<'_>,
     order: &[[u32; 2]],
     counts: &[u32],
@@ -293,9 +305,9 @@ fn hold_pairs(
         }
         first = end;
     }
-    out.none((stage::BIN, "pairs misplaced"), n_misplaced);
-    out.none((stage::BIN, "tiles lacking"), n_lacking);
-    out.none((stage::BIN, "tiles out of reach"), n_far);
+    out.none((bin, "pairs misplaced"), n_misplaced);
+    out.none((bin, "tiles lacking"), n_lacking);
+    out.none((bin, "tiles out of reach"), n_far);
     lengths
 }
 

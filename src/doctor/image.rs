@@ -7,8 +7,8 @@ use crate::doctor::twin::linalg::{normalize, sub};
 use crate::doctor::twin::model::{SplatGradient, TwinCamera, TwinGaussians, TwinSplat};
 use crate::doctor::twin::{sh, tolerance};
 use crate::error::Result;
-use crate::gpu::Commands;
 use crate::gpu::constants::PAIR_BLOCK;
+use crate::gpu::{Commands, Rasterizer};
 use crate::render::Rendered;
 
 /// The reference's image, its weights in a linear loss, and the gradients of that loss.
@@ -28,28 +28,23 @@ pub struct Truth<'a> {
 }
 
 /// Holds an image off fragile pixels to `bound`, and everywhere to what one decision can change.
-pub fn hold_image(image: &Rendered, truth: &Truth<'_>, bound: f64, out: &mut Findings) {
+pub fn hold_image(
+    image: &Rendered,
+    rasterizer: Rasterizer,
+    truth: &Truth<'_>,
+    bound: f64,
+    out: &mut Findings,
+) {
+    let rasterize = stage::own(rasterizer).rasterize;
     let nowhere = vec![false; truth.fragile.len()];
     for (what, ours, theirs) in [
         ("rgb", wide(&image.rgb), truth.rgb),
         ("alpha", wide(&image.alpha), truth.alpha),
     ] {
-        out.image(
-            (stage::RASTERIZE, what),
-            &ours,
-            theirs,
-            truth.fragile,
-            bound,
-        );
+        out.image((rasterize, what), &ours, theirs, truth.fragile, bound);
         let what = format!("{what} at fragile pixels");
         let fragile_bound = tolerance::GPU_IMAGE_FRAGILE;
-        out.image(
-            (stage::RASTERIZE, &what),
-            &ours,
-            theirs,
-            &nowhere,
-            fragile_bound,
-        );
+        out.image((rasterize, &what), &ours, theirs, &nowhere, fragile_bound);
     }
 }
 
@@ -136,7 +131,7 @@ pub fn examine_backward(
             let of_row = |row: &SplatGradient| row[columns.clone()].to_vec();
             rows.iter().flat_map(of_row).collect()
         };
-        let at = (stage::RASTERIZE_BACKWARD, what);
+        let at = (stage::own(ctx.kernels.rasterizer).rasterize_backward, what);
         out.close(at, &pick(&sums), &pick(&expected), bound);
     }
 
@@ -146,6 +141,10 @@ pub fn examine_backward(
     let summed = read_pairs(ctx, rig, pairs.len())?;
     let n_wrong = n_wrong_sums(&pairs, &summed, &ranges);
     out.none((stage::SUM_PAIRS, "sums"), n_wrong);
+    let moments: Vec<[f64; 5]> = read_moments(ctx, rig, &ranges)?;
+    let at = (stage::SUM_PAIRS, "moments of Gaussians");
+    let expected: Vec<f64> = sums.iter().flat_map(|sum| sum[1..6].to_vec()).collect();
+    out.close(at, moments.as_flattened(), &expected, bound);
     let mut commands = Commands::new(&ctx.gpu);
     rig.pass(ctx).project_backward(&mut commands);
     commands.submit();
@@ -163,6 +162,21 @@ fn read_pairs(ctx: &Context, rig: &Rig, n_pairs: usize) -> Result<Vec<[f32; 9]>>
         [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3], *c]
     };
     Ok(pairs.map(join).collect())
+}
+
+/// Returns each Gaussian's sums of `v t_x, v t_y, v t_x^2, v t_x t_y, v t_y^2`, which have taken its splat's
+/// place; 0 where it has no pair.
+fn read_moments(ctx: &Context, rig: &Rig, ranges: &[[u32; 2]]) -> Result<Vec<[f64; 5]>> {
+    let splats: Vec<[f32; 12]> = rig.read(ctx, "splats", rig.model.n)?;
+    let moments = |(splat, range): (&[f32; 12], &[u32; 2])| {
+        let numbers = [splat[0], splat[1], splat[2], splat[3], splat[7]];
+        match range[0] == range[1] {
+            // Marked by a factor of 0.
+            true => [f64::from(splat[4]); 5],
+            false => numbers.map(f64::from),
+        }
+    };
+    Ok(splats.iter().zip(ranges).map(moments).collect())
 }
 
 /// Returns the sum over a range of pairs.

@@ -193,10 +193,13 @@ pub fn examine(ctx: &Context, case: &LossCase) -> Result<Findings> {
     let uniform = LossUniform::new(1.0, SSIM_WEIGHT, total, mask.is_some());
     let [l1, ssim] = rig.loss(ctx, uniform, &texels(&goal, &alpha))?;
     let ours = rig.read_rgb(ctx, "d_rendered")?;
-    let padded = wide(&rig.read::<f32>(ctx, "d_rendered", 12 * rig.view.plane_len())?);
+    let padded = wide(&rig.read::<f32>(ctx, "d_rendered", 16 * rig.view.plane_len())?);
     let n_not_zero = |v: &[f64]| v.iter().filter(|x| **x != 0.0).count();
     let n_in_padding = n_not_zero(&padded).abs_diff(n_not_zero(&ours));
-    out.none((stage, "gradients in the padding"), n_in_padding);
+    out.none(
+        (stage, "gradients in the padding and of coverage"),
+        n_in_padding,
+    );
     if n_valid == 0 {
         out.equal((stage, "losses of nothing"), &[l1, ssim], &[0.0, 0.0]);
         out.none((stage, "gradients of nothing"), n_not_zero(&ours));

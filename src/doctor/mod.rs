@@ -39,7 +39,7 @@ use self::loss::{Kind, LossCase, MaskKind};
 use self::timing::Timing;
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, Rasterizer};
 
 /// The doctor's findings on an adapter, and its verdict.
 #[derive(Clone, Debug, Serialize)]
@@ -50,12 +50,25 @@ pub struct Report {
     pub adapter: Adapter,
     /// Every stage of `stage::ALL`, in that order.
     pub stages: Vec<StageReport>,
-    /// One training, run twice.
-    pub repeat: Repeat,
+    /// Each rasterizer: one training run twice, and what an iteration takes.
+    pub rasterizers: Vec<RasterizerReport>,
     /// Whether all is well.
     pub holds: bool,
     /// Every comparison.
     pub findings: Vec<Finding>,
+}
+
+/// One rasterizer: how long a view takes with it, and whether training repeats.
+#[derive(Clone, Debug, Serialize)]
+pub struct RasterizerReport {
+    /// Which one.
+    pub rasterizer: Rasterizer,
+    /// Whether it is the one that the rule gives this adapter.
+    pub is_rule: bool,
+    /// What all stages of the timed view take, forward and backward.
+    pub view_seconds: f64,
+    /// One training with it, run twice.
+    pub repeat: Repeat,
 }
 
 /// One stage over all its cases.
@@ -94,16 +107,37 @@ pub fn examine(gpu: Gpu) -> Result<Report> {
         .at(&adapter.name)
         .way_out("update its driver, or use another adapter"));
     }
-    let ctx = Context::new(gpu)?;
+    let mut ctx = Context::new(gpu)?;
     let config = Config::preset("paper")?;
     let mut findings = examine_kernels(&ctx)?;
-    for case in view::large_cases() {
-        findings.extend(view::examine(&ctx, &case)?.0.list);
+    let mut timings = timing::time_rest(&ctx)?;
+    let by_rule = ctx.kernels.rasterizer;
+    let others = Rasterizer::ALL
+        .into_iter()
+        .filter(|other| *other != by_rule);
+    let mut rasterizers = Vec::new();
+    for rasterizer in [by_rule].into_iter().chain(others) {
+        if rasterizer != ctx.kernels.rasterizer {
+            ctx = ctx.with_rasterizer(rasterizer)?;
+            findings.extend(examine_views(&ctx)?);
+        }
+        for case in view::large_cases() {
+            findings.extend(view::examine(&ctx, &case)?.0.list);
+        }
+        let timed = view::timed_case();
+        findings.extend(view::examine(&ctx, &timed)?.0.list);
+        let (own, view_seconds) = timing::time_view(&ctx, &timed)?;
+        // Stages that all rasterizers share are timed once, with the rule's.
+        let is_new = |t: &Timing| timings.iter().all(|known: &Timing| known.stage != t.stage);
+        let own: Vec<Timing> = own.into_iter().filter(is_new).collect();
+        timings.extend(own);
+        rasterizers.push(RasterizerReport {
+            rasterizer,
+            is_rule: rasterizer == by_rule,
+            view_seconds,
+            repeat: determinism::repeat(&ctx)?,
+        });
     }
-    let timed = view::timed_case();
-    findings.extend(view::examine(&ctx, &timed)?.0.list);
-    let mut timings = timing::time_view(&ctx, &timed)?;
-    timings.extend(timing::time_rest(&ctx)?);
     for (found, timing) in [
         host::examine_field(&config),
         host::examine_point_splat(&config)?,
@@ -111,8 +145,19 @@ pub fn examine(gpu: Gpu) -> Result<Report> {
         findings.extend(found.list);
         timings.push(timing);
     }
-    let repeat = determinism::repeat(&ctx)?;
-    Ok(Report::new(adapter, repeat, findings, &timings))
+    Ok(Report::new(adapter, rasterizers, findings, &timings))
+}
+
+/// Every stage of small views, with the context's rasterizer.
+///
+/// # Errors
+/// A GPU fault.
+pub fn examine_views(ctx: &Context) -> Result<Vec<Finding>> {
+    let mut findings = Vec::new();
+    for case in view::small_cases().iter().chain(&view::extreme_cases()) {
+        findings.extend(view::examine(ctx, case)?.0.list);
+    }
+    Ok(findings)
 }
 
 /// Holds every kernel to the reference on small cases.
@@ -120,10 +165,7 @@ pub fn examine(gpu: Gpu) -> Result<Report> {
 /// # Errors
 /// A GPU fault.
 pub fn examine_kernels(ctx: &Context) -> Result<Vec<Finding>> {
-    let mut findings = Vec::new();
-    for case in view::small_cases().iter().chain(&view::extreme_cases()) {
-        findings.extend(view::examine(ctx, case)?.0.list);
-    }
+    let mut findings = examine_views(ctx)?;
     for case in loss_cases() {
         findings.extend(loss::examine(ctx, &case)?.list);
     }
@@ -185,7 +227,7 @@ impl Report {
     /// Sums up what was found, stage by stage, in a verdict.
     pub fn new(
         adapter: Adapter,
-        repeat: Repeat,
+        rasterizers: Vec<RasterizerReport>,
         findings: Vec<Finding>,
         timings: &[Timing],
     ) -> Report {
@@ -196,9 +238,10 @@ impl Report {
         Report {
             version: env!("CARGO_PKG_VERSION"),
             adapter,
-            holds: repeat.holds && stages.iter().all(|stage| stage.holds),
+            holds: rasterizers.iter().all(|r| r.repeat.holds)
+                && stages.iter().all(|stage| stage.holds),
             stages,
-            repeat,
+            rasterizers,
             findings,
         }
     }
@@ -220,7 +263,7 @@ impl Report {
     fn failures(&self) -> Vec<&str> {
         let stages = self.stages.iter().filter(|stage| !stage.holds);
         let mut failures: Vec<&str> = stages.map(|stage| stage.stage).collect();
-        if !self.repeat.holds {
+        if self.rasterizers.iter().any(|r| !r.repeat.holds) {
             failures.push("training twice");
         }
         failures

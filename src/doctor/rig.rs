@@ -5,12 +5,13 @@ use bytemuck::Pod;
 use glam::{DMat3, DVec3, Vec3};
 
 use crate::camera::Camera;
+use crate::config::RasterizerChoice;
 use crate::doctor::twin::dropout::TwinDropout;
 use crate::doctor::twin::model::{TwinCamera, TwinGaussians};
 use crate::error::Result;
 use crate::gaussians::Gaussians;
 use crate::gpu::shader::{self, Sources};
-use crate::gpu::{Buffer, Commands, Gpu};
+use crate::gpu::{Buffer, Commands, Gpu, Rasterizer};
 use crate::render::{
     Bound, Capacity, Kernels, LossUniform, Model, Pass, PassStep, PoseKernels, Rendered,
     ViewUniform, Workspace, read_rendered, read_totals, until_it_fits,
@@ -31,27 +32,38 @@ pub struct Context {
 }
 
 impl Context {
-    /// Compiles all kernels.
+    /// Compiles all kernels, with the rasterizer that the rule gives this adapter.
     ///
     /// # Errors
     /// A kernel that the driver refuses.
     pub fn new(gpu: Gpu) -> Result<Context> {
-        Self::from_sources(gpu, &shader::compose)
+        let rasterizer = Rasterizer::of(RasterizerChoice::Auto, &gpu);
+        Self::from_sources(gpu, rasterizer, &shader::compose)
     }
 
-    /// Does the same as [`Context::new`] with other sources than the program's.
+    /// Does the same as [`Context::new`] with another rasterizer, and other sources than the program's.
     ///
     /// # Errors
     /// As [`Context::new`].
-    pub fn from_sources(gpu: Gpu, sources: Sources<'_>) -> Result<Context> {
+    pub fn from_sources(gpu: Gpu, rasterizer: Rasterizer, sources: Sources<'_>) -> Result<Context> {
         let context = Context {
-            kernels: Kernels::from_sources(&gpu, sources),
+            kernels: Kernels::from_sources(&gpu, rasterizer, sources),
             optimizer: OptimizerKernels::from_sources(&gpu, sources),
             pose: PoseKernels::from_sources(&gpu, sources),
             gpu,
         };
         context.gpu.check()?;
         Ok(context)
+    }
+
+    /// The same adapter with another rasterizer.
+    ///
+    /// # Errors
+    /// A kernel that the driver refuses.
+    pub fn with_rasterizer(self, rasterizer: Rasterizer) -> Result<Context> {
+        let kernels = Kernels::with(&self.gpu, rasterizer);
+        self.gpu.check()?;
+        Ok(Context { kernels, ..self })
     }
 }
 
@@ -102,7 +114,12 @@ impl Rig {
     ) -> Result<Rig> {
         let gpu = &ctx.gpu;
         let model = Model::upload(gpu, gaussians, gaussians.len())?;
-        let capacity = Capacity::new(model.stride, 4 * gaussians.len().max(64), &[view]);
+        let capacity = Capacity::new(
+            ctx.kernels.rasterizer,
+            model.stride,
+            4 * gaussians.len().max(64),
+            &[view],
+        );
         let workspace = Workspace::new(gpu, capacity, true)?;
         let bound = Bound::new(gpu, &ctx.kernels, &workspace, &model);
         Ok(Rig {

@@ -1,6 +1,8 @@
 //! The stages by name, in the order of the flow: the first that fails is where to look, as the
 //! later ones build on it. The sorts scan, so the scan comes before them.
 
+use crate::gpu::Rasterizer;
+
 /// Projects Gaussians to splats and keys them by depth.
 pub const PROJECT: &str = "project";
 /// Sums the counts of pairs up, so that each splat knows its first pair.
@@ -9,18 +11,24 @@ pub const SCAN: &str = "scan";
 pub const RADIX_SORT: &str = "radix sort";
 /// Counts and emits the pairs of a splat and a tile that it reaches.
 pub const BIN: &str = "bin";
+/// Emits pairs for the tiles of a workgroup.
+pub const BIN_WORKGROUP: &str = "bin, workgroup";
 /// Finds where the list of each tile begins and ends.
 pub const TILE_RANGES: &str = "tile_ranges";
 /// Orders the tiles of a block by the length of their lists.
 pub const TILE_ORDER: &str = "tile_order";
 /// Blends the splats of each tile to an image.
 pub const RASTERIZE: &str = "rasterize";
+/// Blends the splats of each tile, a workgroup a tile.
+pub const RASTERIZE_WORKGROUP: &str = "rasterize, workgroup";
 /// Compares an image with its target image, and finds the gradient.
 pub const LOSS: &str = "L1 + SSIM";
 /// Compares an image with its target image, each pixel by its weight, and finds the gradient.
 pub const MASKED_LOSS: &str = "L1 + SSIM, masked";
 /// Carries the image's gradient back to the pairs.
 pub const RASTERIZE_BACKWARD: &str = "rasterize_backward";
+/// Finds the gradients of splats, a workgroup a tile.
+pub const RASTERIZE_BACKWARD_WORKGROUP: &str = "rasterize_backward, workgroup";
 /// Sums the gradients of the pairs of one Gaussian, block by block.
 pub const SUM_PAIRS: &str = "sum_pairs";
 /// Carries the pairs' gradients back to the stored parameters.
@@ -39,17 +47,20 @@ pub const FIELD: &str = "field, on the CPU";
 pub const POINT_SPLAT: &str = "point splat, on the CPU";
 
 /// Every stage, in the order of the flow.
-pub const ALL: [&str; 18] = [
+pub const ALL: [&str; 21] = [
     PROJECT,
     SCAN,
     RADIX_SORT,
     BIN,
+    BIN_WORKGROUP,
     TILE_RANGES,
     TILE_ORDER,
     RASTERIZE,
+    RASTERIZE_WORKGROUP,
     LOSS,
     MASKED_LOSS,
     RASTERIZE_BACKWARD,
+    RASTERIZE_BACKWARD_WORKGROUP,
     SUM_PAIRS,
     PROJECT_BACKWARD,
     POSE_BACKWARD,
@@ -59,3 +70,30 @@ pub const ALL: [&str; 18] = [
     FIELD,
     POINT_SPLAT,
 ];
+
+/// The stages that are a rasterizer's own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Own {
+    /// Emits the pairs.
+    pub bin: &'static str,
+    /// Blends the splats of each tile.
+    pub rasterize: &'static str,
+    /// Finds the gradients of the pairs.
+    pub rasterize_backward: &'static str,
+}
+
+/// Those of `rasterizer`.
+pub fn own(rasterizer: Rasterizer) -> Own {
+    match rasterizer {
+        Rasterizer::Thread => Own {
+            bin: BIN,
+            rasterize: RASTERIZE,
+            rasterize_backward: RASTERIZE_BACKWARD,
+        },
+        Rasterizer::Workgroup => Own {
+            bin: BIN_WORKGROUP,
+            rasterize: RASTERIZE_WORKGROUP,
+            rasterize_backward: RASTERIZE_BACKWARD_WORKGROUP,
+        },
+    }
+}

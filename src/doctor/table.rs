@@ -2,7 +2,8 @@
 
 use std::fmt;
 
-use super::{Adapter, Report, StageReport};
+use super::{Adapter, RasterizerReport, Report, StageReport};
+use crate::gpu::Rasterizer;
 use crate::report::{Column, Table};
 
 impl fmt::Display for Report {
@@ -21,19 +22,54 @@ impl fmt::Display for Report {
             "The adapter has no timestamps: times are wall-clock time, submission included."
         };
         writeln!(f, "{clock} The fastest of five rounds.\n")?;
-        let repeat = &self.repeat;
-        writeln!(
-            f,
-            "Trained twice with one seed, {} iterations: {} and {}, {}",
-            repeat.iterations,
-            repeat.hashes[0],
-            repeat.hashes[1],
-            if repeat.holds {
-                "equal to the bit"
-            } else {
-                "**different**"
-            }
-        )
+        for report in &self.rasterizers {
+            write_rasterizer(f, report)?;
+        }
+        if let Some((rule, other)) = self.faster_than_the_rule() {
+            writeln!(
+                f,
+                "\nThe rule is wrong here, at this size: `{other}` is faster than `{rule}`; train with \
+                 `--set render.rasterizer={other}`."
+            )?;
+        }
+        Ok(())
+    }
+}
+
+fn write_rasterizer(f: &mut fmt::Formatter<'_>, report: &RasterizerReport) -> fmt::Result {
+    let RasterizerReport {
+        rasterizer,
+        is_rule,
+        view_seconds,
+        repeat,
+    } = report;
+    writeln!(
+        f,
+        "Rasterizer `{}`{}: {:.2} ms a view; trained twice with one seed, {} iterations: {} and {}, {}",
+        rasterizer,
+        if *is_rule { ", this adapter's" } else { "" },
+        1e3 * view_seconds,
+        repeat.iterations,
+        repeat.hashes[0],
+        repeat.hashes[1],
+        if repeat.holds {
+            "equal to the bit"
+        } else {
+            "**different**"
+        }
+    )
+}
+
+impl Report {
+    /// The rule's rasterizer and the fastest, where that is another by more than a tenth: less is noise.
+    fn faster_than_the_rule(&self) -> Option<(Rasterizer, Rasterizer)> {
+        let rule = self.rasterizers.iter().find(|r| r.is_rule)?;
+        let by_time = |a: &&RasterizerReport, b: &&RasterizerReport| {
+            a.view_seconds.total_cmp(&b.view_seconds)
+        };
+        let fastest = self.rasterizers.iter().min_by(by_time)?;
+        let is_other = fastest.view_seconds < 0.9 * rule.view_seconds;
+        is_other.then_some((rule.rasterizer, fastest.rasterizer))
     }
 }
 

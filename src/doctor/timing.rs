@@ -8,7 +8,7 @@ use super::view::{TIMED_GAUSSIANS, TIMED_SIZE, ViewCase};
 use super::{adam, changes, loss, stage};
 use crate::doctor::twin::random::Random;
 use crate::error::Result;
-use crate::gpu::{Commands, Profile};
+use crate::gpu::{Commands, Profile, Rasterizer};
 use crate::render::{LossUniform, Pass, PoseGradient, read_totals};
 use crate::train::optimizer::StepUniform;
 
@@ -112,36 +112,41 @@ type Step = (&'static str, fn(&Pass<'_>, &mut Commands<'_>));
 
 /// The stages of a view. The sort by tile stands for both sorts, counting and emitting pairs are
 /// one stage.
-const STEPS: [Step; 12] = [
-    (stage::PROJECT, |pass, commands| pass.project(commands)),
-    ("", |pass, commands| pass.sort_by_depth(commands)),
-    (stage::BIN, |pass, commands| pass.count_pairs(commands)),
-    (stage::SCAN, |pass, commands| pass.scan_pairs(commands)),
-    (stage::BIN, |pass, commands| pass.emit_pairs(commands)),
-    (stage::RADIX_SORT, |pass, commands| {
-        pass.sort_by_tile(commands)
-    }),
-    (stage::TILE_RANGES, |pass, commands| {
-        pass.find_tile_ranges(commands)
-    }),
-    (stage::TILE_ORDER, |pass, commands| {
-        pass.order_tiles(commands)
-    }),
-    (stage::RASTERIZE, |pass, commands| pass.rasterize(commands)),
-    (stage::RASTERIZE_BACKWARD, |pass, commands| {
-        pass.rasterize_backward(commands)
-    }),
-    (stage::SUM_PAIRS, |pass, commands| pass.sum_pairs(commands)),
-    (stage::PROJECT_BACKWARD, |pass, commands| {
-        pass.project_backward(commands)
-    }),
-];
+fn steps(rasterizer: Rasterizer) -> [Step; 12] {
+    let own = stage::own(rasterizer);
+    [
+        (stage::PROJECT, |pass, commands| pass.project(commands)),
+        ("", |pass, commands| pass.sort_by_depth(commands)),
+        (own.bin, |pass, commands| pass.count_pairs(commands)),
+        (stage::SCAN, |pass, commands| pass.scan_pairs(commands)),
+        (own.bin, |pass, commands| pass.emit_pairs(commands)),
+        (stage::RADIX_SORT, |pass, commands| {
+            pass.sort_by_tile(commands)
+        }),
+        (stage::TILE_RANGES, |pass, commands| {
+            pass.find_tile_ranges(commands)
+        }),
+        (stage::TILE_ORDER, |pass, commands| {
+            pass.order_tiles(commands)
+        }),
+        (own.rasterize, |pass, commands| pass.rasterize(commands)),
+        (own.rasterize_backward, |pass, commands| {
+            pass.rasterize_backward(commands)
+        }),
+        (stage::SUM_PAIRS, |pass, commands| pass.sum_pairs(commands)),
+        (stage::PROJECT_BACKWARD, |pass, commands| {
+            pass.project_backward(commands)
+        }),
+    ]
+}
 
-/// Times the stages of a view.
+/// Times the stages of a view, and returns the seconds of all together, forward and backward, too.
 ///
 /// # Errors
 /// A GPU fault, or a case that the adapter cannot hold.
-pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<Vec<Timing>> {
+pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<(Vec<Timing>, f64)> {
+    let rasterizer = ctx.kernels.rasterizer;
+    let own = stage::own(rasterizer);
     let mut rig = Rig::of_twin(ctx, &case.gaussians, &case.camera)?;
     rig.forward(ctx)?;
     let n_pairs = read_totals(&ctx.gpu, &rig.workspace)?.pairs;
@@ -154,13 +159,15 @@ pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<Vec<Timing>> {
     rig.write_image(ctx, "d_rendered", d_rgb, d_alpha, 0.0);
     let pose = PoseGradient::new(&ctx.gpu, &ctx.pose, &rig.workspace, &rig.model)?;
     let mut watch = Stopwatch::new(ctx);
+    let mut least = f64::INFINITY;
     for _ in 0..ROUNDS {
         let pass = rig.pass(ctx);
         let mut round: BTreeMap<&str, f64> = BTreeMap::new();
-        for (stage, record) in STEPS {
+        for (stage, record) in steps(rasterizer) {
             let seconds = watch.run(|commands| record(&pass, commands))?;
             *round.entry(stage).or_insert(0.0) += seconds;
         }
+        least = least.min(round.values().sum());
         let moved = watch.run(|commands| pass.pose_backward(commands, &ctx.pose, &pose))?;
         round.insert(stage::POSE_BACKWARD, moved);
         for (stage, seconds) in round {
@@ -168,21 +175,25 @@ pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<Vec<Timing>> {
         }
     }
     let n = case.gaussians.n();
-    Ok([
+    let timings = [
         (stage::PROJECT, n, "Gaussians"),
         (stage::RADIX_SORT, n_pairs, "pairs"),
-        (stage::BIN, n_pairs, "pairs"),
+        (own.bin, n_pairs, "pairs"),
         (stage::SCAN, n, "Gaussians"),
         (stage::TILE_RANGES, n_pairs, "pairs"),
-        (stage::TILE_ORDER, rig.view.n_tiles(), "tiles"),
-        (stage::RASTERIZE, n_pairs, "pairs"),
-        (stage::RASTERIZE_BACKWARD, n_pairs, "pairs"),
+        (
+            stage::TILE_ORDER,
+            rasterizer.n_tiles(rig.view.size),
+            "tiles",
+        ),
+        (own.rasterize, n_pairs, "pairs"),
+        (own.rasterize_backward, n_pairs, "pairs"),
         (stage::SUM_PAIRS, n_pairs, "pairs"),
         (stage::PROJECT_BACKWARD, n, "Gaussians"),
         (stage::POSE_BACKWARD, n, "Gaussians"),
     ]
-    .map(|(stage, count, unit)| watch.timing(stage, count, unit))
-    .to_vec())
+    .map(|(stage, count, unit)| watch.timing(stage, count, unit));
+    Ok((timings.to_vec(), least))
 }
 
 /// Times the losses, Adam, and the changes of the set.

@@ -223,7 +223,8 @@ pub fn examine(ctx: &Context, case: &ViewCase) -> Result<(Findings, ListLengths)
     let mut commands = Commands::new(&ctx.gpu);
     rig.pass(ctx).rasterize(&mut commands);
     commands.submit();
-    image::hold_image(&rig.read_rendered(ctx)?, &truth, bounds.image, &mut out);
+    let (rendered, rasterizer) = (rig.read_rendered(ctx)?, ctx.kernels.rasterizer);
+    image::hold_image(&rendered, rasterizer, &truth, bounds.image, &mut out);
     let d_splats = gradients.splats.as_slice();
     let reference = TwinSplats {
         splats,

@@ -102,7 +102,12 @@ impl Fit<'_> {
         let w = self.config.loss.ssim_weight;
         let loss = LossUniform::new(view.weight, w, view.total_weight, view.masked);
         let n_pairs = first_pairs(gpu, self.model.n);
-        let needed = Capacity::new(self.model.stride, n_pairs, &[uniform]);
+        let needed = Capacity::new(
+            self.kernels.rasterizer,
+            self.model.stride,
+            n_pairs,
+            &[uniform],
+        );
         until_it_fits(gpu, needed, |needed| {
             let room = self.room(needed)?;
             room.workspace.set_goal(gpu, 0, &uniform, &self.goal);

@@ -6,10 +6,13 @@ use crate::gaussians::SH_0;
 
 /// Threads a workgroup, in every kernel.
 pub const WORKGROUP: u32 = 64;
-/// Width of a tile, pixels. A thread owns a tile, four pixels a vector.
+/// Width of a tile that a thread owns, pixels, four a vector.
 pub const TILE_W: u32 = 4;
 /// Height of a tile, pixels.
 pub const TILE_H: u32 = 8;
+/// Side of a tile that a workgroup owns, pixels, four a thread.
+pub const GROUP_TILE: u32 = 16;
+const _: () = assert!(GROUP_TILE * GROUP_TILE == 4 * WORKGROUP, "a tile is full");
 /// Tiles across a block, within which tiles are ordered: one a thread of a workgroup.
 pub const BLOCK_W: u32 = 16;
 /// Tiles down a block.
@@ -109,6 +112,7 @@ pub fn prelude(sh_degree: u32) -> String {
         ("WORKGROUP", WORKGROUP),
         ("TILE_W", TILE_W),
         ("TILE_H", TILE_H),
+        ("GROUP_TILE", GROUP_TILE),
         ("BLOCK_W", BLOCK_W),
         ("BLOCK_H", BLOCK_H),
         ("SCAN_CHUNK", SCAN_CHUNK),

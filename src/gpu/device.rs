@@ -8,14 +8,16 @@ use crate::files::peak_host_bytes;
 
 /// An opened adapter. Cheap to share by reference; all buffers and kernels are made through it.
 pub struct Gpu {
-    /// The wgpu device, opened with all of the adapter's limits.
+    /// The wgpu device.
     pub device: wgpu::Device,
     /// Queue of `device`, to which all work is submitted.
     pub queue: wgpu::Queue,
     /// Name, driver, backend and kind of the adapter.
     pub info: wgpu::AdapterInfo,
-    /// Limits of the adapter, which are also those of `device`.
+    /// Limits of `device`.
     pub limits: wgpu::Limits,
+    /// Limits of the adapter, most of which the device does without.
+    pub adapter_limits: wgpu::Limits,
     /// Features that the adapter offers; only timestamps are used, if it has them.
     pub features: wgpu::Features,
     pub(super) allocated: Arc<AtomicU64>,
@@ -48,7 +50,8 @@ impl Gpu {
     pub fn open() -> Result<Gpu> {
         let adapter = choose(adapters()?, PREFERRED.get().map(String::as_str))?;
         let info = adapter.get_info();
-        let limits = adapter.limits();
+        let adapter_limits = adapter.limits();
+        let limits = device_limits(&adapter_limits);
         let features = adapter.features();
         let wanted = wgpu::Features::TIMESTAMP_QUERY;
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
@@ -72,6 +75,7 @@ impl Gpu {
             queue,
             info,
             limits,
+            adapter_limits,
             features,
             allocated: Arc::new(AtomicU64::new(0)),
             peak: AtomicU64::new(0),
@@ -185,6 +189,16 @@ impl Gpu {
 
     fn fault(&self, what: &str) -> Error {
         Error::new(format!("GPU fault: {}", one_line(what))).at(&self.info.name)
+    }
+}
+
+/// Returns what a device is asked for: no more than WebGPU's default limits, so that it behaves alike
+/// everywhere, but for the sizes of buffers, which the scenes decide.
+fn device_limits(adapter: &wgpu::Limits) -> wgpu::Limits {
+    wgpu::Limits {
+        max_buffer_size: adapter.max_buffer_size,
+        max_storage_buffer_binding_size: adapter.max_storage_buffer_binding_size,
+        ..wgpu::Limits::default().or_worse_values_from(adapter)
     }
 }
 

@@ -4,10 +4,12 @@ pub mod buffer;
 pub mod constants;
 pub mod device;
 pub mod kernel;
+pub mod rasterizer;
 pub mod shader;
 pub mod timestamps;
 
 pub use buffer::{Buffer, BufferKind, PORTION};
 pub use device::{Gpu, adapters, binding_limit, prefer_adapter, shader_count};
 pub use kernel::{Commands, Kernel, Stage, by_degree};
+pub use rasterizer::Rasterizer;
 pub use timestamps::{KernelTime, Profile};

@@ -14,6 +14,7 @@ const SHARED: &[(&str, &str)] = sources![
     "shared/thread",
     "shared/view",
     "shared/splat",
+    "shared/splat_gradient",
     "shared/entries",
     "shared/pair_gradient",
     "shared/on_screen",
@@ -23,6 +24,8 @@ const SHARED: &[(&str, &str)] = sources![
     "shared/sh",
     "shared/sh_mean",
     "shared/tile",
+    "shared/group_tile",
+    "shared/bin",
     "shared/loss",
     "shared/radix",
 ];
@@ -32,12 +35,15 @@ pub const STAGES: &[(&str, &str)] = sources![
     "project",
     "radix",
     "bin",
+    "bin_workgroup",
     "scan",
     "tile_ranges",
     "rasterize",
+    "rasterize_workgroup",
     "ssim",
     "loss_sum",
     "rasterize_backward",
+    "rasterize_backward_workgroup",
     "sum_pairs",
     "project_backward",
     "pose_backward",
@@ -60,6 +66,23 @@ pub fn compose(stage: &str, sh_degree: u32) -> String {
     import(lookup(STAGES, stage), &mut Vec::new(), &mut source);
     let lines: Vec<&str> = source.lines().collect();
     constants::prelude(sh_degree) + &unroll(&lines)
+}
+
+/// Every shader that a driver gets: its name, and its complete WGSL. A stage that depends on the active
+/// SH degree has one a degree.
+pub fn programs() -> Vec<(String, String)> {
+    let of_stage = |(stage, _): &(&str, &str)| {
+        let source = compose(stage, 0);
+        // The prelude names the degree once, whoever asks for it.
+        let by_degree = source.matches("SH_DEGREE").count() > 1;
+        match by_degree {
+            false => vec![((*stage).to_owned(), source)],
+            true => (0..4)
+                .map(|degree| (format!("{stage}_degree_{degree}"), compose(stage, degree)))
+                .collect(),
+        }
+    };
+    STAGES.iter().flat_map(of_stage).collect()
 }
 
 /// Appends `text` to `source`, with each file that it imports in place of the first line that asks

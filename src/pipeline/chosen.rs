@@ -43,6 +43,11 @@ pub(super) fn chosen(
 }
 
 fn length(iterations: u32, signal: &[SignalPoint], config: &Config) -> String {
+    if signal.is_empty() {
+        return format!(
+            "{iterations} iterations: no virtual view is held out that could end them before"
+        );
+    }
     let Settling { from, until } = Settling::of(config, signal);
     if until == config.iterations {
         return format!(

@@ -122,10 +122,10 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
             config,
         )
     };
-    if config.need.hold_out > 0 && supervision.held_out.is_empty() {
+    if config.need.ends && config.need.hold_out > 0 && supervision.held_out.is_empty() {
         warnings.push(format!(
-            "no virtual view is held out: there are {}, and one in {} is (need.hold_out) if it \
-             shows a point",
+            "no virtual view is held out, so that nothing ends training early: there are {}, and one \
+             in {} is (need.hold_out) if it shows a point",
             virtual_views.len(),
             config.need.hold_out
         ));

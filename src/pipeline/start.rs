@@ -7,7 +7,7 @@ use super::train::{SoFar, train};
 use crate::cloud::agreement::Agreement;
 use crate::error::Result;
 use crate::eval::EvalOptions;
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, Rasterizer};
 use crate::run::{Evaluation, RunDir, Stop};
 use crate::scene::{Scene, SceneSource, View};
 
@@ -32,9 +32,13 @@ impl TrainJob {
         let scene = announced(self.load()?, self)?;
         so_far.seconds.load = Some(so_far.clock.lap());
         options.check(&scene.test)?;
-        let run = RunDir::create(out, &self.config, overwrite)?;
+        // What the rule gives this adapter is the run's from here on.
+        let mut job = self.clone();
+        let rasterizer = Rasterizer::of(job.config.render.rasterizer, &gpu);
+        job.config.render.rasterizer = rasterizer.choice();
+        let run = RunDir::create(out, &job.config, overwrite)?;
         let stop = Stop::on_signals()?;
-        let evaluation = train(&gpu, &scene, self, so_far, options, &run, &stop)?;
+        let evaluation = train(&gpu, &scene, &job, so_far, options, &run, &stop)?;
         Ok((run, evaluation))
     }
 

@@ -19,7 +19,7 @@ use crate::config::Config;
 use crate::error::{Error, ErrorKind, Result};
 use crate::eval::EvalOptions;
 use crate::gaussians::ply::write_ply;
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, Rasterizer};
 use crate::render::{Device, Kernels, Renderer, most_gaussians};
 use crate::report::write_run_page;
 use crate::run::{
@@ -174,7 +174,7 @@ impl Task<'_> {
             run,
             ..
         } = self;
-        let kernels = Kernels::new(gpu);
+        let kernels = Kernels::with(gpu, Rasterizer::of(self.config.render.rasterizer, gpu));
         seconds.compile = Some(clock.lap());
         let (trained, log, step) = self.train(gpu, &kernels, clock, &mut seconds)?;
         let Trained {
@@ -231,6 +231,7 @@ impl Task<'_> {
         run.write_metrics(&Metrics {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             adapter: gpu.describe(),
+            rasterizer: Some(kernels.rasterizer.choice()),
             seed: config.seed,
             iterations,
             scene: SceneRecord {

@@ -29,12 +29,18 @@ pub(super) struct Described {
     pub(super) kind: BufferKind,
     part: Part,
     /// Entries of each buffer.
-    pub(super) len: fn(&Capacity) -> usize,
+    len: fn(&Capacity) -> usize,
+    /// Entries that training has beyond them.
+    more_to_train: fn(&Capacity) -> usize,
     /// Number of buffers.
-    pub(super) copies: fn(&Capacity) -> usize,
+    copies: fn(&Capacity) -> usize,
     /// Whether only training needs them.
-    pub(super) trains: bool,
+    trains: bool,
 }
+
+/// The plane of `d_rendered`, in training, that holds what each pixel has blended last; without, it is
+/// the only one.
+pub(super) const LAST_BLENDED: u32 = 4;
 
 /// Most views of a step.
 pub(super) const N_SLOTS: usize = 2;
@@ -76,17 +82,21 @@ pub(super) const BUFFERS: &[Described] = &[
     storage::<Entries>("pairs_swap", Part::Sorts, |c| c.pairs.div_ceil(2)),
     storage::<u32>("pair_gaussian", Part::Pairs, |c| c.pairs),
     storage::<U2>("tile_ranges", Part::Image, |c| c.tiles),
-    storage::<u32>("tile_order", Part::Image, |c| c.tile_slots),
+    storage::<[u32; 4]>("tile_order", Part::Image, |c| c.tile_slots),
     // The image until the backward, which in slices keeps its own state here.
     storage::<F4>("rendered", Part::Image, |c| 4 * c.plane),
-    storage::<Entries>("last_blended", Part::Image, |c| c.plane),
+    // The rasterizer's last plane, for the backward, stands behind the four of the gradient, which only
+    // training has.
+    Described {
+        more_to_train: |c| LAST_BLENDED as usize * c.plane,
+        ..storage::<[u32; 4]>("d_rendered", Part::Loss, |c| c.plane)
+    },
     Described {
         copies: |_| N_SLOTS,
         ..training::<[u32; 4]>("goal", Part::Goals, |c| c.plane)
     },
     training::<F4>("moments", Part::Loss, |c| 13 * c.plane),
     training::<F4>("derivatives", Part::Loss, |c| 9 * c.plane),
-    training::<F4>("d_rendered", Part::Loss, |c| 4 * c.plane),
     training::<F2>("partials", Part::Loss, |c| n_partials(c.plane)),
     training::<F2>("block_partials", Part::Loss, |c| n_partials(c.plane)),
     // Per view of the step: mean L1, mean SSIM.
@@ -104,6 +114,7 @@ const fn uniform<T>(name: &'static str, copies: fn(&Capacity) -> usize) -> Descr
         kind: BufferKind::uniform::<T>(name),
         part: Part::Uniforms,
         len: |_| 1,
+        more_to_train: |_| 0,
         copies,
         trains: false,
     }
@@ -114,6 +125,7 @@ const fn storage<T>(name: &'static str, part: Part, len: fn(&Capacity) -> usize)
         kind: BufferKind::storage::<T>(name),
         part,
         len,
+        more_to_train: |_| 0,
         copies: |_| 1,
         trains: false,
     }
@@ -187,9 +199,23 @@ impl WorkspaceBytes {
 }
 
 impl Described {
-    /// Returns the bytes of all copies.
+    /// Returns the entries of each buffer, and the number of buffers.
+    pub(super) fn size(&self, capacity: &Capacity, training: bool) -> (usize, usize) {
+        let len = (self.len)(capacity);
+        match (training, self.trains) {
+            (true, _) => (
+                len.saturating_add((self.more_to_train)(capacity)),
+                (self.copies)(capacity),
+            ),
+            (false, false) => (len, (self.copies)(capacity)),
+            (false, true) => (len, 0),
+        }
+    }
+
+    /// Returns the bytes of all copies in training.
     fn bytes(&self, capacity: &Capacity) -> u64 {
-        (self.copies)(capacity) as u64 * self.kind.bytes((self.len)(capacity))
+        let (len, copies) = self.size(capacity, true);
+        copies as u64 * self.kind.bytes(len)
     }
 }
 

@@ -2,8 +2,8 @@
 
 use super::uniforms::ViewUniform;
 use crate::error::{Error, Result};
-use crate::gpu::Gpu;
-use crate::gpu::constants::{LIST_SLICE, LOOP_TURNS, MOST_TILE_ROWS, PAIR_BLOCK, TILE_H};
+use crate::gpu::constants::{LIST_SLICE, LOOP_TURNS, MOST_TILE_ROWS, PAIR_BLOCK};
+use crate::gpu::{Gpu, Rasterizer};
 
 /// (tile, Gaussian) pairs a Gaussian that there is room for at first. At 320 pixels, pairs are
 /// about 4 a Gaussian, at 1600 up to 11; a step that has more is repeated with more room.
@@ -31,6 +31,8 @@ pub struct Capacity {
     pub tiles: usize,
     /// Rows of tiles.
     pub tile_rows: usize,
+    /// Height of a tile, pixels.
+    pub tile_height: usize,
     /// Slices of [`LIST_SLICE`] entries that the longest list of a tile may need; at most one where
     /// lists are not sliced.
     pub slices: usize,
@@ -42,16 +44,22 @@ pub struct Capacity {
 
 impl Capacity {
     /// Returns the room for images of every view in `views`, one at a time.
-    pub fn new(stride: usize, pairs: usize, views: &[ViewUniform]) -> Capacity {
-        let largest = |size: fn(&ViewUniform) -> usize| views.iter().map(size).max().unwrap_or(1);
+    pub fn new(
+        rasterizer: Rasterizer,
+        stride: usize,
+        pairs: usize,
+        views: &[ViewUniform],
+    ) -> Capacity {
+        let largest = |of: &dyn Fn(&ViewUniform) -> usize| views.iter().map(of).max().unwrap_or(1);
         Capacity {
             stride,
             pairs,
-            tiles: largest(ViewUniform::n_tiles),
-            tile_rows: largest(|view| view.tiles[1] as usize),
+            tiles: largest(&|view| rasterizer.n_tiles(view.size)),
+            tile_rows: largest(&|view| rasterizer.tiles(view.size)[1] as usize),
+            tile_height: rasterizer.tile()[1] as usize,
             slices: 1,
-            tile_slots: largest(ViewUniform::n_tile_slots),
-            plane: largest(ViewUniform::plane_len),
+            tile_slots: largest(&|view| rasterizer.n_slots(view.size)),
+            plane: largest(&ViewUniform::plane_len),
         }
     }
 
@@ -62,6 +70,7 @@ impl Capacity {
             pairs: self.pairs.max(other.pairs),
             tiles: self.tiles.max(other.tiles),
             tile_rows: self.tile_rows.max(other.tile_rows),
+            tile_height: self.tile_height.max(other.tile_height),
             slices: self.slices.max(other.slices),
             tile_slots: self.tile_slots.max(other.tile_slots),
             plane: self.plane.max(other.plane),
@@ -83,14 +92,14 @@ impl Capacity {
 /// [`LOOP_TURNS`] turns.
 pub(super) fn check_loops(capacity: &Capacity) -> Result<()> {
     if capacity.tile_rows > MOST_TILE_ROWS as usize {
-        let most = MOST_TILE_ROWS * TILE_H;
-        let height = capacity.tile_rows.saturating_mul(TILE_H as usize);
+        let most = MOST_TILE_ROWS as usize * capacity.tile_height;
+        let height = capacity.tile_rows.saturating_mul(capacity.tile_height);
         return Err(Error::new(format!(
             "an image of {height} rows of pixels, padded to whole tiles: kernels take at most {most}"
         ))
         .way_out("use smaller images (`--max-size`)"));
     }
-    // project_backward adds up a Gaussian's pairs, one a tile at most.
+    // sum_gaussians adds up a Gaussian's pairs, one a tile at most.
     let most = (LOOP_TURNS - 4 * PAIR_BLOCK) as usize * (PAIR_BLOCK * PAIR_BLOCK) as usize;
     if capacity.tiles > most {
         return Err(Error::new(format!(

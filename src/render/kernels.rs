@@ -2,8 +2,9 @@
 
 use super::model::Model;
 use super::workspace::Workspace;
+use crate::config::RasterizerChoice;
 use crate::gpu::shader::{self, Sources};
-use crate::gpu::{Buffer, Gpu, Kernel, Stage, by_degree};
+use crate::gpu::{Buffer, Gpu, Kernel, Rasterizer, Stage, by_degree};
 
 /// An adapter and the kernels that were made for it.
 #[derive(Clone, Copy)]
@@ -16,6 +17,8 @@ pub struct Device<'a> {
 
 /// Every kernel that renders, compares and differentiates a view.
 pub struct Kernels {
+    /// The rasterizer that its stages belong to.
+    pub rasterizer: Rasterizer,
     /// By active SH degree.
     pub(super) project: [Kernel; 4],
     pub(super) radix_count: Kernel,
@@ -35,22 +38,28 @@ pub struct Kernels {
     pub(super) rasterize_backward: [Kernel; 2],
     /// Pairs, then blocks of them.
     pub(super) sum_pairs: [Kernel; 2],
+    pub(super) sum_gaussians: Kernel,
     pub(super) project_backward: [Kernel; 4],
 }
 
 impl Kernels {
-    /// Compiles the program's own shaders.
+    /// Compiles the program's own shaders, with the rasterizer that the rule gives this adapter.
     pub fn new(gpu: &Gpu) -> Kernels {
-        Self::from_sources(gpu, &shader::compose)
+        Self::with(gpu, Rasterizer::of(RasterizerChoice::Auto, gpu))
+    }
+
+    /// Compiles the program's own shaders, with this rasterizer.
+    pub fn with(gpu: &Gpu, rasterizer: Rasterizer) -> Kernels {
+        Self::from_sources(gpu, rasterizer, &shader::compose)
     }
 
     /// Compiles other sources than the program's.
     ///
     /// # Panics
     /// If a shader does not validate or lacks an entry point: a fault in the sources.
-    pub fn from_sources(gpu: &Gpu, sources: Sources<'_>) -> Kernels {
+    pub fn from_sources(gpu: &Gpu, rasterizer: Rasterizer, sources: Sources<'_>) -> Kernels {
+        let stages = rasterizer.stages();
         let stage = |name: &str, degree: u32| Stage::new(gpu, name, sources(name, degree));
-        let kernel = |name: &'static str| stage(name, 0).kernel(gpu, name);
         let by_degree =
             |name: &'static str| by_degree(|degree| stage(name, degree).kernel(gpu, name));
         let ((project, project_backward), (rasterize, rasterize_backward)) = rayon::join(
@@ -61,10 +70,10 @@ impl Kernels {
                     entries.map(|entry| stage.kernel(gpu, entry))
                 };
                 rayon::join(
-                    || both("rasterize", ["rasterize", "rasterize_slice"]),
+                    || both(stages.rasterize, ["rasterize", "rasterize_slice"]),
                     || {
                         let entries = ["rasterize_backward", "rasterize_backward_slice"];
-                        both("rasterize_backward", entries)
+                        both(stages.rasterize_backward, entries)
                     },
                 )
             },
@@ -73,10 +82,11 @@ impl Kernels {
         let (tile_ranges, sum_pairs) = (stage("tile_ranges", 0), stage("sum_pairs", 0));
         let (radix, loss) = rayon::join(|| stage("radix", 0), || stage("loss_sum", 0));
         Kernels {
+            rasterizer,
             project,
             radix_count: radix.kernel(gpu, "radix_count"),
             radix_move: radix.kernel(gpu, "radix_move"),
-            bin: kernel("bin"),
+            bin: stage(stages.bin, 0).kernel(gpu, "bin"),
             scan_reduce: scan.kernel(gpu, "scan_reduce"),
             scan_spread: scan.kernel(gpu, "scan_spread"),
             scan_few: scan.kernel(gpu, "scan_few"),
@@ -94,6 +104,7 @@ impl Kernels {
             loss_total: loss.kernel(gpu, "loss_total"),
             rasterize_backward,
             sum_pairs: ["sum_pairs", "sum_pair_blocks"].map(|entry| sum_pairs.kernel(gpu, entry)),
+            sum_gaussians: sum_pairs.kernel(gpu, "sum_gaussians"),
             project_backward,
         }
     }
@@ -136,6 +147,7 @@ pub(super) struct BackwardGroups {
     pub(super) loss_sum: [wgpu::BindGroup; 2],
     pub(super) rasterize: RasterGroups,
     pub(super) sum_pairs: [wgpu::BindGroup; 2],
+    pub(super) sum_gaussians: wgpu::BindGroup,
     pub(super) project: [wgpu::BindGroup; 4],
 }
 
@@ -229,6 +241,7 @@ impl Groups {
                 loss_sum: [&kernels.loss_blocks, &kernels.loss_total].map(|k| with(&[], k)),
                 rasterize: raster(&kernels.rasterize_backward),
                 sum_pairs: kernels.sum_pairs.each_ref().map(|k| with(&[], k)),
+                sum_gaussians: with(&[], &kernels.sum_gaussians),
                 project: kernels.project_backward.each_ref().map(|k| with(&[], k)),
             }),
         }

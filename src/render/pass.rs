@@ -1,6 +1,6 @@
 //! The dispatches of one view: forward, loss, backward.
 
-use super::buffers::{n_chunks, n_partials};
+use super::buffers::{LAST_BLENDED, n_chunks, n_partials};
 use super::kernels::{Bound, Groups, Kernels, RadixGroups, RasterGroups, ScanGroups};
 use super::model::Model;
 use super::pose::{PoseGradient, PoseKernels};
@@ -61,7 +61,9 @@ impl<'a> Pass<'a> {
         view.n_gaussians = n;
         view.stride = shader_count(model.stride);
         view.slot = slot as u32;
+        view.tiles = kernels.rasterizer.tiles(view.size);
         view.longest_list = shader_count(capacity.longest_list());
+        view.blended_plane = if workspace.trains { LAST_BLENDED } else { 0 };
         let uniform = |name| workspace.of_slot(name, slot);
         uniform("view").write(gpu, &[view]);
         let scan = |n, total, capacity| ScanUniform {
@@ -143,7 +145,7 @@ impl<'a> Pass<'a> {
         self.sort(commands, &self.groups().pair_passes, self.room());
     }
 
-    /// Fills `tile_ranges`.
+    /// Fills `tile_ranges` and `tile_splats`.
     pub fn find_tile_ranges(&self, commands: &mut Commands<'_>) {
         commands.clear(self.workspace.buffer("tile_ranges"));
         let (kernel, group) = (
@@ -157,12 +159,13 @@ impl<'a> Pass<'a> {
     /// Fills `tile_order`; a list too long for the slices there are is an overflow.
     pub fn order_tiles(&self, commands: &mut Commands<'_>) {
         let (kernel, group) = (&self.kernels.order_tiles, &self.groups().order_tiles);
-        commands.dispatch(kernel, group, self.view.n_tile_slots() as u64);
+        let n_slots = self.kernels.rasterizer.n_slots(self.view.size);
+        commands.dispatch(kernel, group, n_slots as u64);
     }
 
     /// Fills `rendered`.
     pub fn rasterize(&self, commands: &mut Commands<'_>) {
-        let threads = self.view.n_tile_slots() as u64;
+        let threads = self.kernels.rasterizer.n_threads(self.view.size);
         let [whole, slice] = &self.kernels.rasterize;
         match &self.groups().rasterize {
             RasterGroups::Whole(group) => commands.dispatch(whole, group, threads),
@@ -245,7 +248,7 @@ impl<'a> Pass<'a> {
         let Some(groups) = &self.groups().backward else {
             return;
         };
-        let threads = self.view.n_tile_slots() as u64;
+        let threads = self.kernels.rasterizer.n_threads(self.view.size);
         let [whole, slice] = &self.kernels.rasterize_backward;
         match &groups.rasterize {
             RasterGroups::Whole(group) => commands.dispatch(whole, group, threads),
@@ -257,7 +260,8 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// Sums the pairs' gradients where whole blocks are one Gaussian's.
+    /// Sums the pairs' gradients where whole blocks are one Gaussian's, and then each Gaussian's, which
+    /// replace `splats`.
     pub fn sum_pairs(&self, commands: &mut Commands<'_>) {
         let Some(groups) = &self.groups().backward else {
             return;
@@ -267,9 +271,11 @@ impl<'a> Pass<'a> {
             n /= u64::from(PAIR_BLOCK);
             commands.dispatch(kernel, group, n);
         }
+        let (kernel, group) = (&self.kernels.sum_gaussians, &groups.sum_gaussians);
+        commands.dispatch(kernel, group, self.n());
     }
 
-    /// Carries the pairs' gradients back to `d_geometry` and `d_color`.
+    /// Carries the splats' gradients back to `d_geometry` and `d_color`.
     pub fn project_backward(&self, commands: &mut Commands<'_>) {
         let Some(groups) = &self.groups().backward else {
             return;

@@ -46,7 +46,8 @@ impl<'a> Renderer<'a> {
     /// The view has more (tile, Gaussian) pairs than the adapter can bind, or the GPU has a fault.
     pub fn render(&mut self, model: &Model, view: &ViewUniform) -> Result<Rendered> {
         let gpu = self.gpu;
-        let needed = Capacity::new(model.stride, 4 * model.n.max(1024), &[*view]);
+        let rasterizer = self.kernels.rasterizer;
+        let needed = Capacity::new(rasterizer, model.stride, 4 * model.n.max(1024), &[*view]);
         until_it_fits(gpu, needed, |needed| {
             let workspace = Workspace::reserved(gpu, self.workspace.take(), needed, false)?;
             let bound = Bound::new(gpu, self.kernels, &workspace, model);

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::camera::Camera;
-use crate::gpu::constants::{BLOCK_H, BLOCK_W, RATIO_MARGIN, SSIM_ROWS, TILE_H, TILE_W, WORKGROUP};
+use crate::gpu::constants::{RATIO_MARGIN, SSIM_ROWS, TILE_H};
 
 /// Smallest near plane: depths reach 2^127 times as far, which from 0 is nowhere.
 const MIN_NEAR: f64 = 1e-18;
@@ -84,13 +84,15 @@ pub struct ViewUniform {
     pub near_layer: f32,
     /// [`DropShare::middle_layer`]; infinite without a guide.
     pub middle_layer: f32,
+    /// The plane of `d_rendered` that holds what each pixel has blended last.
+    pub blended_plane: u32,
     /// Padding to a whole number of vectors.
-    pub pad_1: [f32; 2],
+    pub pad_1: u32,
 }
 
 impl ViewUniform {
-    /// Fills in the camera's part, without dropout; `Pass::new` sets counts and slot when the view
-    /// is rendered. `near` is in the camera's world unit.
+    /// Fills in the camera's part, without dropout; numbers, tiles and slot are set where the view is rendered.
+    /// `near` is in the camera's world unit.
     pub fn new(camera: &Camera, near: f64, background: [f64; 3]) -> ViewUniform {
         let row = |i: usize| {
             let [x, y, z] = camera.rotation.row(i).to_array();
@@ -130,10 +132,7 @@ impl ViewUniform {
             background: background.map(|c| c as f32),
             pad_0: 0.0,
             size: [camera.width, camera.height],
-            tiles: [
-                camera.width.div_ceil(TILE_W),
-                camera.height.div_ceil(TILE_H),
-            ],
+            tiles: [0; 2],
             n_gaussians: 0,
             stride: 0,
             drop_threshold: 0,
@@ -149,7 +148,8 @@ impl ViewUniform {
             compensates: 1.0,
             near_layer: f32::INFINITY,
             middle_layer: f32::INFINITY,
-            pad_1: [0.0; 2],
+            blended_plane: 0,
+            pad_1: 0,
         }
     }
 
@@ -177,18 +177,6 @@ impl ViewUniform {
     /// Returns the optical centre, to more digits than `f32` has.
     pub fn center(&self) -> [f64; 3] {
         [0, 1, 2].map(|i| f64::from(self.center[i]) + f64::from(self.center_low[i]))
-    }
-
-    /// Returns the number of tiles of the image.
-    pub fn n_tiles(&self) -> usize {
-        self.tiles[0] as usize * self.tiles[1] as usize
-    }
-
-    /// Returns the threads of the rasterizers, one a tile: whole blocks of tiles.
-    pub fn n_tile_slots(&self) -> usize {
-        let blocks =
-            self.tiles[0].div_ceil(BLOCK_W) as usize * self.tiles[1].div_ceil(BLOCK_H) as usize;
-        blocks.saturating_mul(WORKGROUP as usize)
     }
 
     /// Returns the `vec4f`s of one plane of the padded image.
@@ -234,7 +222,7 @@ pub(crate) fn parts<const N: usize>(values: [f64; N]) -> ([f32; N], [f32; N]) {
     (high, low)
 }
 
-/// Returns the vectors of four pixels a row and the rows of the padded image: whole tiles and whole
+/// Returns the vectors of four pixels a row and the rows of the padded image: whole tiles of a thread and whole
 /// SSIM strips.
 fn padded(width: u32, height: u32) -> (u32, u32) {
     let rows = if TILE_H.is_multiple_of(SSIM_ROWS) {

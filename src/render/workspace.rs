@@ -27,13 +27,7 @@ impl Workspace {
         check_loops(&capacity)?;
         let mut buffers = Vec::with_capacity(BUFFERS.len());
         for described in BUFFERS {
-            let exists = training || !described.trains;
-            let copies = if exists {
-                (described.copies)(&capacity)
-            } else {
-                0
-            };
-            let len = (described.len)(&capacity);
+            let (len, copies) = described.size(&capacity, training);
             let copies = (0..copies).map(|_| described.kind.allocate(gpu, len));
             buffers.push(copies.collect::<Result<Vec<Buffer>>>()?);
         }
@@ -165,6 +159,11 @@ impl Workspace {
         self.pair_halves()[self.all("pair_passes").len() % 2]
     }
 
+    /// Returns (Gaussian, pair) in the same order, in the half that the sort has left.
+    fn tile_splats(&self) -> &Buffer {
+        self.pair_halves()[1 - self.all("pair_passes").len() % 2]
+    }
+
     /// Returns every storage buffer, the uniforms of a slot and the blocks of `model`, under their
     /// names in the shaders.
     pub fn names<'a>(&'a self, model: &'a Model, slot: usize) -> Vec<(&'static str, &'a Buffer)> {
@@ -172,6 +171,7 @@ impl Workspace {
             ("view", self.of_slot("view", slot)),
             ("loss", self.of_slot("loss", slot)),
             ("tile_pairs", self.tile_pairs()),
+            ("tile_splats", self.tile_splats()),
         ];
         names.extend(model.names());
         for (described, copies) in BUFFERS.iter().zip(&self.buffers) {

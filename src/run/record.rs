@@ -6,6 +6,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use crate::config::RasterizerChoice;
 use crate::scene::PoseProtocol;
 use crate::train::{LossSample, PlanCounts, SignalPoint, Trim};
 
@@ -16,6 +17,9 @@ pub struct Metrics {
     pub version: String,
     /// The GPU adapter's name, driver and backend.
     pub adapter: String,
+    /// The rasterizer that rendered on it; null in files of older versions.
+    #[serde(default)]
+    pub rasterizer: Option<RasterizerChoice>,
     /// Seed of everything random in the run.
     pub seed: u64,
     /// Iterations that it took.

@@ -64,7 +64,7 @@ impl Planned {
                 .at_path(&self.root)
                 .way_out("choose another --out, or remove the run")
         };
-        let differences = run.config()?.differences(&self.job.config)?;
+        let differences = run.config()?.departures(&self.job.config)?;
         if let Some(Difference { key, here, there }) = differences.first() {
             return Err(another(format!("its `{key}` is {here}, not {there}")));
         }

@@ -4,7 +4,7 @@ use super::optimizer::{plan_bytes, statistics_bytes, with_room};
 use super::supervision::{Supervision, TrainingView};
 use crate::camera::Camera;
 use crate::config::Config;
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::{Buffer, Gpu, Rasterizer};
 use crate::render::{
     Capacity, PoseGradient, ViewUniform, WorkspaceBytes, block_bytes, first_pairs, model_bytes,
     most_gaussians,
@@ -42,7 +42,8 @@ impl TrainingBytes {
         supervision: &Supervision,
         config: &Config,
     ) -> TrainingBytes {
-        let capacity = start_capacity(gpu, n, supervision, config);
+        let rasterizer = Rasterizer::of(config.render.rasterizer, gpu);
+        let capacity = start_capacity(gpu, rasterizer, n, supervision, config);
         Self::with(capacity, n, config)
     }
 
@@ -59,10 +60,11 @@ impl TrainingBytes {
         }
         let degree = config.model.sh_degree;
         let most = config.densify.max_gaussians.max(n);
+        let rasterizer = Rasterizer::of(config.render.rasterizer, gpu);
         let stride = with_room(most, most_gaussians(gpu, degree));
         let capacity = Capacity {
             stride,
-            ..start_capacity(gpu, most, supervision, config)
+            ..start_capacity(gpu, rasterizer, most, supervision, config)
         };
         Some(TrainingBytes {
             n_gaussians: most,
@@ -128,13 +130,14 @@ fn rendered_bytes(plane: usize) -> u64 {
 /// Returns the room that training starts with.
 pub(super) fn start_capacity(
     gpu: &Gpu,
+    rasterizer: Rasterizer,
     n: usize,
     supervision: &Supervision,
     config: &Config,
 ) -> Capacity {
     let uniform = |view: &TrainingView| uniform(&view.camera, supervision, config);
     let views: Vec<ViewUniform> = supervision.views().map(uniform).collect();
-    Capacity::new(n, first_pairs(gpu, n), &views)
+    Capacity::new(rasterizer, n, first_pairs(gpu, n), &views)
 }
 
 /// Returns a canonical camera as the kernels take it.

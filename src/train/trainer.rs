@@ -118,7 +118,7 @@ impl<'a> Trainer<'a> {
         let virtual_views = uniforms(&supervision.virtual_views);
         let held_out = uniforms(&supervision.held_out);
         let model = Model::upload(gpu, start, start.len())?;
-        let capacity = start_capacity(gpu, model.n, supervision, config);
+        let capacity = start_capacity(gpu, kernels.rasterizer, model.n, supervision, config);
         let clock = Instant::now();
         let optimizer_kernels = OptimizerKernels::new(gpu);
         let compile = clock.elapsed().as_secs_f64();

@@ -109,7 +109,7 @@ fn images_of_any_size_are_counted_or_refused() {
         let view = view(width, height);
         assert_eq!(view.plane_len() as u64, vectors, "{width}x{height}");
         assert_eq!(view.n_pixels() as u64, u64::from(width) * u64::from(height));
-        let capacity = Capacity::new(8, 8, &[view]);
+        let capacity = Capacity::new(ctx.kernels.rasterizer, 8, 8, &[view]);
         let refused = Workspace::new(&ctx.gpu, capacity, true).err();
         let text = refused.expect("too large").to_string();
         assert!(text.contains("--max-size"), "{text}");

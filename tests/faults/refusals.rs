@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use gspotential::config::Config;
+use gspotential::config::{Config, RasterizerChoice};
 use gspotential::error::ErrorKind;
 use gspotential::eval::EvalOptions;
 use gspotential::gpu::Gpu;
@@ -18,6 +18,8 @@ use crate::scene::build::{Folder, GOOD_PLY, png};
 fn job(scene: &Folder) -> TrainJob {
     let mut config = Config::preset("3dgs").expect("a preset");
     config.iterations = 20;
+    // As a run on this adapter has it.
+    config.render.rasterizer = RasterizerChoice::Thread;
     config.densify.enabled = false;
     let source = SceneSource::Folder(scene.path().to_owned());
     TrainJob::new(source, config).expect("a job")

@@ -4,11 +4,11 @@ use gspotential::doctor::twin::cases::{cameras, random_scene};
 use gspotential::doctor::{Context, gaussians_of, view_of};
 use gspotential::gpu::kernel::fold;
 use gspotential::gpu::shader::compose;
-use gspotential::gpu::{Buffer, Commands, Gpu, Kernel};
+use gspotential::gpu::{Buffer, Commands, Gpu, Kernel, Rasterizer};
 use gspotential::render::{Capacity, Model, Workspace};
 use gspotential::train::optimizer::ResetUniform;
 
-use super::rig::context;
+use super::rig::{context, context_of};
 use crate::hard::specimens::{config, noise_supervision};
 use crate::hard::survive;
 
@@ -74,16 +74,18 @@ fn training_with_folded_grids_is_equal_to_the_bit() {
     config.densify.interval = 10;
     config.densify.gradient_threshold = 1e-9;
     config.densify.opacity_reset_interval = 15;
-    let ctx = context();
-    let whole = survive(&ctx, "one row", &start, &supervision, &config).expect("trains");
-    let mut gpu = Gpu::open().expect("an adapter");
-    // A grid has a hundred workgroups and more: they take many rows, the last one half idle.
-    gpu.limits.max_compute_workgroups_per_dimension = 7;
-    let narrow = Context::new(gpu).expect("compiles");
-    let folded = survive(&narrow, "folded", &start, &supervision, &config).expect("trains");
-    assert!(!whole.plans.is_empty(), "no plan was carried out");
-    assert_eq!(folded.samples, whole.samples);
-    assert!(folded.gaussians == whole.gaussians, "Gaussians differ");
+    for rasterizer in Rasterizer::ALL {
+        let ctx = context_of(rasterizer);
+        let whole = survive(&ctx, "one row", &start, &supervision, &config).expect("trains");
+        let mut gpu = Gpu::open().expect("an adapter");
+        // A grid has a hundred workgroups and more: they take many rows, the last one half idle.
+        gpu.limits.max_compute_workgroups_per_dimension = 7;
+        let narrow = Context::from_sources(gpu, rasterizer, &compose).expect("compiles");
+        let folded = survive(&narrow, "folded", &start, &supervision, &config).expect("trains");
+        assert!(!whole.plans.is_empty(), "no plan was carried out");
+        assert_eq!(folded.samples, whole.samples);
+        assert!(folded.gaussians == whole.gaussians, "Gaussians differ");
+    }
 }
 
 #[test]
@@ -105,7 +107,7 @@ fn what_exceeds_one_binding_is_refused_with_the_numbers() {
         assert!(text.contains(part), "{text}");
     }
     let view = view_of(&cameras()[0]);
-    let capacity = Capacity::new(10, most / 8 + 1, &[view]);
+    let capacity = Capacity::new(ctx.kernels.rasterizer, 10, most / 8 + 1, &[view]);
     let refused = Workspace::new(gpu, capacity, false)
         .err()
         .expect("too many pairs");

@@ -4,8 +4,9 @@ use gspotential::doctor::image::{Truth, hold_gradients, hold_image};
 use gspotential::doctor::twin::tolerance;
 use gspotential::doctor::view::{Bounds, Residual, ViewCase};
 use gspotential::doctor::{Findings, Rig};
+use gspotential::gpu::Rasterizer;
 
-use super::rig::{assert_findings, context};
+use super::rig::{assert_findings, context_of};
 use super::views::{hold, print, row, table_head};
 use crate::reference::fixture::{Fixture, fixtures};
 
@@ -39,17 +40,19 @@ fn reference_cases_are_met_in_image_and_gradient() {
                 d_alpha: &view.d_alpha,
                 classes: view.gradients.classes(),
             };
-            let name = format!("{} {index}", fixture.name);
-            let mut out = Findings::of(&name);
-            let ctx = context();
-            let mut rig = Rig::of_twin(&ctx, gaussians, camera).expect("fits");
-            let image = rig.forward(&ctx).expect("renders");
-            hold_image(&image, &truth, bounds.image, &mut out);
-            let ours = rig.backward(&ctx, truth.d_rgb, truth.d_alpha);
-            let ours = ours.expect("differentiates");
-            hold_gradients(&ours, gaussians, camera, &truth, bounds.gradient, &mut out);
-            assert_findings(&out);
-            table += &row(&name, &out);
+            for rasterizer in Rasterizer::ALL {
+                let name = format!("{} {index}, {rasterizer}", fixture.name);
+                let mut out = Findings::of(&name);
+                let ctx = context_of(rasterizer);
+                let mut rig = Rig::of_twin(&ctx, gaussians, camera).expect("fits");
+                let image = rig.forward(&ctx).expect("renders");
+                hold_image(&image, rasterizer, &truth, bounds.image, &mut out);
+                let ours = rig.backward(&ctx, truth.d_rgb, truth.d_alpha);
+                let ours = ours.expect("differentiates");
+                hold_gradients(&ours, gaussians, camera, &truth, bounds.gradient, &mut out);
+                assert_findings(&out);
+                table += &row(&name, &out);
+            }
         }
     }
     print(&table);

@@ -1,11 +1,12 @@
 //! Every loop of every kernel has a bound, and says which: Mesa's CPU driver ends loops that take
 //! more than 65,535 turns together, in silence.
 
-use gspotential::gpu::constants::{MOST_TILE_ROWS, TILE_H};
+use gspotential::gpu::Rasterizer;
+use gspotential::gpu::constants::MOST_TILE_ROWS;
 use gspotential::gpu::shader::{STAGES, compose};
 use gspotential::render::{Capacity, Workspace};
 
-use super::rig::context;
+use super::rig::context_of;
 
 /// Whether a line of WGSL begins a loop.
 fn is_loop(line: &str) -> bool {
@@ -79,20 +80,22 @@ fn every_loop_of_every_kernel_states_its_bound() {
 
 #[test]
 fn an_image_too_tall_for_the_loops_is_refused_with_the_numbers() {
-    let ctx = context();
-    let most = MOST_TILE_ROWS as usize;
-    let room = |tile_rows: usize| Capacity {
-        tile_rows,
-        ..Capacity::new(1, 1, &[])
-    };
-    let refused = Workspace::new(&ctx.gpu, room(most + 1), false).err();
-    let text = refused.expect("too tall").to_string();
-    for part in [
-        ((most + 1) * TILE_H as usize).to_string(),
-        (most * TILE_H as usize).to_string(),
-        "--max-size".into(),
-    ] {
-        assert!(text.contains(&part), "{text}");
+    for rasterizer in Rasterizer::ALL {
+        let ctx = context_of(rasterizer);
+        let (most, height) = (MOST_TILE_ROWS as usize, rasterizer.tile()[1] as usize);
+        let room = |tile_rows: usize| Capacity {
+            tile_rows,
+            ..Capacity::new(rasterizer, 1, 1, &[])
+        };
+        let refused = Workspace::new(&ctx.gpu, room(most + 1), false).err();
+        let text = refused.expect("too tall").to_string();
+        for part in [
+            ((most + 1) * height).to_string(),
+            (most * height).to_string(),
+            "--max-size".into(),
+        ] {
+            assert!(text.contains(&part), "{text}");
+        }
+        Workspace::new(&ctx.gpu, room(most), false).expect("just fits");
     }
-    Workspace::new(&ctx.gpu, room(most), false).expect("just fits");
 }

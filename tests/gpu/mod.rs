@@ -11,6 +11,8 @@ mod fixtures;
 mod limits;
 mod loops;
 mod loss;
+mod plants;
+mod rasterizers;
 mod rearrange;
 mod reflection;
 pub(crate) mod rig;

@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::mem::offset_of;
 
+use super::rig::context;
 use gspotential::doctor;
 use gspotential::doctor::twin::{project, raster};
 use gspotential::gpu::constants;
@@ -50,7 +51,7 @@ fn host_layouts() -> BTreeMap<&'static str, Layout> {
                 ratio_min, ratio_max, ratio_min_low, ratio_max_low, background, size, tiles,
                 n_gaussians, stride, drop_threshold, drop_key, plane_vectors, row_vectors, slot,
                 longest_list, share_base, share_per_distance, share_per_density, compensates,
-                near_layer, middle_layer),
+                near_layer, middle_layer, blended_plane),
         ),
         (
             "Loss",
@@ -187,6 +188,21 @@ fn the_doctor_knows_what_the_kernels_need() {
     assert_eq!(storage, doctor::STORAGE_BUFFERS);
     assert_eq!(uniform, doctor::UNIFORM_BUFFERS);
     assert_eq!(shared, doctor::WORKGROUP_BYTES);
+    // Every adapter has these, and the device has no more of them.
+    let promised = wgpu::Limits::default();
+    assert!(storage <= promised.max_storage_buffers_per_shader_stage);
+    assert!(uniform <= promised.max_uniform_buffers_per_shader_stage);
+    assert!(shared <= promised.max_compute_workgroup_storage_size);
+    assert!(constants::WORKGROUP <= promised.max_compute_invocations_per_workgroup);
+    let limits = &context().gpu.limits;
+    assert_eq!(
+        limits.max_storage_buffers_per_shader_stage,
+        promised.max_storage_buffers_per_shader_stage
+    );
+    assert_eq!(
+        limits.max_compute_workgroup_storage_size,
+        promised.max_compute_workgroup_storage_size
+    );
 }
 
 #[test]

@@ -2,18 +2,31 @@
 
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
+use gspotential::config::RasterizerChoice;
 use gspotential::doctor::twin::compare::held_l2;
 use gspotential::doctor::{Context, Findings};
-use gspotential::gpu::Gpu;
+use gspotential::gpu::shader::compose;
+use gspotential::gpu::{Gpu, Rasterizer};
 
-/// The adapter, for one test at a time: memory stays bounded and a fault belongs to its test.
-/// No adapter is a failure, never a skip.
+fn open() -> Gpu {
+    Gpu::open().unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// The adapter with the rasterizer that the rule gives it, for one test at a time: memory stays bounded
+/// and a fault belongs to its test. No adapter is a failure, never a skip.
 pub(crate) fn context() -> MutexGuard<'static, Context> {
-    static CONTEXT: OnceLock<Mutex<Context>> = OnceLock::new();
-    CONTEXT
+    static RULE: OnceLock<Rasterizer> = OnceLock::new();
+    context_of(*RULE.get_or_init(|| Rasterizer::of(RasterizerChoice::Auto, &open())))
+}
+
+/// The adapter with this rasterizer. Who takes two takes them in the order of [`Rasterizer::ALL`].
+pub(crate) fn context_of(rasterizer: Rasterizer) -> MutexGuard<'static, Context> {
+    static CONTEXTS: [OnceLock<Mutex<Context>>; 2] = [const { OnceLock::new() }; 2];
+    let place = Rasterizer::ALL.iter().position(|r| *r == rasterizer);
+    CONTEXTS[place.expect("is one of all")]
         .get_or_init(|| {
-            let gpu = Gpu::open().unwrap_or_else(|e| panic!("{e}"));
-            Mutex::new(Context::new(gpu).unwrap_or_else(|e| panic!("{e}")))
+            let made = Context::from_sources(open(), rasterizer, &compose);
+            Mutex::new(made.unwrap_or_else(|e| panic!("{e}")))
         })
         .lock()
         // What another test has failed with is its own.

@@ -9,10 +9,10 @@ use gspotential::doctor::twin::raster::{backward, render};
 use gspotential::doctor::twin::tolerance;
 use gspotential::doctor::view::{Bounds, COVERS, NEEDLES, ORDINARY, ViewCase, examine};
 use gspotential::doctor::{Findings, Rig, gaussians_of, stage, view_of};
-use gspotential::gpu::Commands;
+use gspotential::gpu::{Commands, Rasterizer};
 use gspotential::render::{Bound, Capacity, Model, Pass, PassStep, Workspace};
 
-use super::rig::{assert_findings, assert_held, context};
+use super::rig::{assert_findings, assert_held, context, context_of};
 
 /// Prints past the test harness, which would keep it to itself.
 pub(crate) fn print(text: &str) {
@@ -47,8 +47,11 @@ pub(crate) fn table_head() -> String {
 /// The largest errors of one view.
 pub(crate) fn row(name: &str, findings: &Findings) -> String {
     let largest = COLUMNS.map(|(stage, what)| {
+        // Whichever the rasterizer.
         let own = findings.list.iter().filter(|f| {
-            f.stage == stage && f.what.starts_with(what) && !f.what.contains("fragile")
+            f.stage.split(", ").next() == Some(stage)
+                && f.what.starts_with(what)
+                && !f.what.contains("fragile")
         });
         own.map(|f| f.error).max_by(f64::total_cmp)
     });
@@ -56,10 +59,14 @@ pub(crate) fn row(name: &str, findings: &Findings) -> String {
     format!("| {name} | {} |\n", cells.join(" | "))
 }
 
-/// Holds one view, and its tile lists to about what they need.
+/// Holds one view with every rasterizer, and its tile lists to about what they need.
 pub(crate) fn hold(case: &ViewCase) -> String {
-    let (findings, lengths) =
-        examine(&context(), case).unwrap_or_else(|e| panic!("{}: {e}", case.name));
+    Rasterizer::ALL.map(|r| hold_with(r, case)).concat()
+}
+
+fn hold_with(rasterizer: Rasterizer, case: &ViewCase) -> String {
+    let (findings, lengths) = examine(&context_of(rasterizer), case)
+        .unwrap_or_else(|e| panic!("{}, {rasterizer}: {e}", case.name));
     assert_findings(&findings);
     // The lists are by rows of the ellipse: what they hold too much is its corners.
     assert!(
@@ -72,7 +79,7 @@ pub(crate) fn hold(case: &ViewCase) -> String {
         "{}: {lengths:?}",
         case.name
     );
-    row(&case.name, &findings)
+    row(&format!("{}, {rasterizer}", case.name), &findings)
 }
 
 /// Holds every camera of a case.
@@ -153,7 +160,7 @@ fn two_views_of_a_step_add_their_gradients() {
     let gpu = &ctx.gpu;
     let views = cameras.each_ref().map(view_of);
     let model = Model::upload(gpu, &gaussians, gaussians.len()).expect("fits");
-    let capacity = Capacity::new(model.stride, 1 << 16, &views);
+    let capacity = Capacity::new(ctx.kernels.rasterizer, model.stride, 1 << 16, &views);
     let workspace = Workspace::new(gpu, capacity, true).expect("fits");
     let mut rig = Rig {
         bound: Bound::new(gpu, &ctx.kernels, &workspace, &model),

@@ -124,6 +124,7 @@ fn metrics(name: &str) -> Metrics {
     Metrics {
         version: "0".to_owned(),
         adapter: name.to_owned(),
+        rasterizer: None,
         seed: 0,
         iterations: 20,
         scene: SceneRecord {

@@ -185,8 +185,8 @@ impl Comparison<'_> {
     fn shared_settings(&self) -> Option<String> {
         let first = &self.runs[0];
         let mut same = Vec::new();
-        if self.agree(|run| run.config.iterations) {
-            same.push(format!("{} iterations", first.config.iterations));
+        if self.agree(ComparedRun::iterations) {
+            same.push(first.iterations());
         }
         if self.agree(|run| run.config.scene.max_points) {
             same.push(first.points());

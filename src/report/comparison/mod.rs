@@ -107,7 +107,7 @@ impl<'a> Comparison<'a> {
 
     /// Writes into the labels what tells rows apart.
     fn label_rows(&mut self) {
-        let same_iterations = self.agree(|run| run.config.iterations);
+        let same_iterations = self.agree(ComparedRun::iterations);
         let same_points = self.agree(|run| run.config.scene.max_points);
         for block in &mut self.blocks {
             let views: Vec<&[String]> = block.rows.iter().map(|row| row.train_views()).collect();
@@ -116,7 +116,7 @@ impl<'a> Comparison<'a> {
                 let run = row.runs[0];
                 row.label.clone_from(&run.method);
                 if !same_iterations {
-                    row.label += &format!(", {} iterations", run.config.iterations);
+                    row.label += &format!(", {}", run.iterations());
                 }
                 if !same_points {
                     row.label += &format!(", {}", run.points());

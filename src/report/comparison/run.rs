@@ -37,7 +37,8 @@ impl ComparedRun {
                 .way_out("evaluate the run again with `gspotential eval`"));
         };
         let changes = config.changes()?;
-        let is_method = |key: &str| key != "iterations" && !key.starts_with("scene.");
+        let is_length = |key: &str| key == "iterations" || key == "need.ends";
+        let is_method = |key: &str| !is_length(key) && !key.starts_with("scene.");
         let of_method = changes.iter().filter(|change| is_method(&change.key));
         let mut of_method: Vec<String> = of_method.map(Difference::setting).collect();
         let metrics = run.metrics()?;
@@ -80,7 +81,7 @@ impl ComparedRun {
 
     /// Returns whether both are the same method with the same settings, whatever the seed.
     pub(super) fn same_row(&self, other: &ComparedRun) -> bool {
-        let key = |run: &ComparedRun| (run.config.iterations, run.config.scene.max_points);
+        let key = |run: &ComparedRun| (run.iterations(), run.config.scene.max_points);
         self.method == other.method
             && self.metrics.scene.cloud == other.metrics.scene.cloud
             && key(self) == key(other)
@@ -93,6 +94,15 @@ impl ComparedRun {
         let [width, height] = self.measured.image_px.unwrap_or_default();
         let n = scene.test_views.len();
         format!("{} ({width}x{height}, {n} test views)", scene.name)
+    }
+
+    /// Says in words how long it was to train.
+    pub(super) fn iterations(&self) -> String {
+        let n = self.config.iterations;
+        match self.config.need.ends {
+            true => format!("up to {n} iterations"),
+            false => format!("{n} iterations"),
+        }
     }
 
     /// Says in words how many points it started from.

@@ -1,0 +1,170 @@
+// Finds the tiles that each splat reaches, in two dispatches of the same code, so that both find the
+// same tiles to the bit. `COUNT`: one thread a splat counts its tiles. `EMIT`: one thread
+// EMIT_CHUNK pairs, which are numbered front to back, splat by splat, writes them: a splat that
+// fills the screen is shared by many threads. Tiles are LIST_W x LIST_H pixels: the stage that imports
+// this says how many.
+#import shared/thread
+#import shared/view
+#import shared/splat
+#import shared/entries
+
+// What a dispatch does.
+struct Bin {
+    // 0: COUNT, 1: EMIT.
+    emits: u32,
+    pad_0: u32,
+    pad_1: u32,
+    pad_2: u32,
+}
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<storage, read> splats: array<SplatVectors>;
+// Per splat, front to back: number of tiles (COUNT), then the first pair (EMIT).
+@group(0) @binding(2) var<storage, read_write> splat_pairs: array<u32>;
+@group(0) @binding(4) var<storage, read_write> pairs: array<vec2u>;
+@group(0) @binding(5) var<storage, read_write> pair_gaussian: array<u32>;
+@group(0) @binding(6) var<storage, read> totals: array<u32>;
+@group(0) @binding(7) var<uniform> mode: Bin;
+// Per Gaussian (EMIT).
+@group(0) @binding(3) var<storage, read_write> gaussian_pairs: array<vec2u>;
+// Front to back.
+@group(0) @binding(8) var<storage, read> depth_order: array<DepthEntry>;
+
+// The ellipse |t|^2 = reach, on which a splat's alpha falls to ALPHA_MIN, with the rows of tiles that
+// it meets. All is in t, in which a mean far outside is no large number.
+struct Outline {
+    anchor: vec2f,
+    t_0: vec2f,
+    l_xy: f32,
+    l_yy: f32,
+    inv_xx: f32,
+    inv_yy: f32,
+    reach: f32,
+    radius: f32,
+    // The rightmost point of the ellipse lies at t_y = t_right, the leftmost at -t_right.
+    t_right: f32,
+    // First row of tiles, one past the last.
+    rows: vec2u,
+}
+
+fn outline(id: u32) -> Outline {
+    let s = unpacked(splats[id]);
+    var o: Outline;
+    o.anchor = s.anchor;
+    o.t_0 = s.t_0;
+    o.l_xy = s.l_xy;
+    o.l_yy = s.l_yy;
+    // Rounding may not lose a pixel at the rim.
+    let reach = s.reach * 1.0001 + 1e-4;
+    let radius = sqrt(reach);
+    let inv_yy = 1.0 / s.l_yy;
+    let inv_xx = 1.0 / s.l_xx;
+    let slope = -s.l_xy * inv_yy;
+    o.reach = reach;
+    o.radius = radius;
+    o.inv_xx = inv_xx;
+    o.inv_yy = inv_yy;
+    o.t_right = radius * slope / sqrt(1.0 + slope * slope);
+    let top = max(ceil(s.anchor.y - (s.t_0.y + radius) * inv_yy - 0.5 - RIM), 0.0);
+    let bottom = min(floor(s.anchor.y - (s.t_0.y - radius) * inv_yy - 0.5 + RIM), f32(view.size.y) - 1.0);
+    if (s.reach > 0.0 && top <= bottom) {
+        o.rows = vec2u(u32(top) / LIST_H, u32(bottom) / LIST_H + 1u);
+    }
+    return o;
+}
+
+// First column and number of columns of the tiles of a row that an outline meets.
+fn columns(o: Outline, row: u32) -> vec2u {
+    // t_y of the pixel centres of this row of tiles.
+    let t_0 = max(o.t_0.y + o.l_yy * (f32(row * LIST_H) + 0.5 - o.anchor.y), -o.radius);
+    let t_1 = min(o.t_0.y + o.l_yy * (f32(row * LIST_H + LIST_H) - 0.5 - o.anchor.y), o.radius);
+    let right_y = clamp(o.t_right, min(t_0, t_1), t_1);
+    let left_y = clamp(-o.t_right, min(t_0, t_1), t_1);
+    let right_x = o.t_0.x + o.l_xy * ((right_y - o.t_0.y) * o.inv_yy);
+    let left_x = o.t_0.x + o.l_xy * ((left_y - o.t_0.y) * o.inv_yy);
+    // x from the anchor.
+    let right = (sqrt(max(o.reach - right_y * right_y, 0.0)) - right_x) * o.inv_xx;
+    let left = -(sqrt(max(o.reach - left_y * left_y, 0.0)) + left_x) * o.inv_xx;
+    let x_0 = max(ceil(o.anchor.x + left - 0.5 - RIM), 0.0);
+    let x_1 = min(floor(o.anchor.x + right - 0.5 + RIM), f32(view.size.x) - 1.0);
+    if (x_0 > x_1) {
+        return vec2u(0u);
+    }
+    let column = u32(x_0) / LIST_W;
+    return vec2u(column, u32(x_1) / LIST_W - column + 1u);
+}
+
+// The splat that pair `pair` is of: the last of `n` whose first pair is not beyond it, `low` or
+// after. Splats without pairs share their first pair with the next that has some. Steps double
+// from `step` on until they go too far, then halve.
+fn owner(pair: u32, low: u32, step: u32, n: u32) -> u32 {
+    var rank = low;
+    var ahead = step;
+    // bound: 32 turns, `rank` grows by powers of two and stays below n < 2^31.
+    for (; rank + ahead < n && splat_pairs[rank + ahead] <= pair; ahead *= 2u) {
+        rank += ahead;
+    }
+    // bound: 32 turns, a power of two is halved.
+    for (; ahead > 0u; ahead /= 2u) {
+        if (rank + ahead < n && splat_pairs[rank + ahead] <= pair) {
+            rank += ahead;
+        }
+    }
+    return rank;
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn bin(thread: Thread) {
+    let index = thread_index(thread);
+    let n = view.n_gaussians;
+    let counting = mode.emits == 0u;
+    if (!counting && totals[TOTAL_OVERFLOW] != 0u) {
+        return;
+    }
+    if (!counting && index < n) {
+        var last = totals[TOTAL_PAIRS];
+        if (index + 1u < n) {
+            last = splat_pairs[index + 1u];
+        }
+        gaussian_pairs[depth_order[index].gaussian] = stored_range(Range(splat_pairs[index], last));
+    }
+    // Emitting, the thread's pairs; counting, all pairs of one splat, and none is written.
+    var pair = select(index * EMIT_CHUNK, 0u, counting);
+    let end = select(min(pair + EMIT_CHUNK, totals[TOTAL_PAIRS]), 0xffffffffu, counting);
+    let n_splats = select(EMIT_CHUNK, select(0u, 1u, index < n), counting);
+    // Counting searches nothing.
+    let n_searched = select(n, 0u, counting);
+    var rank = select(0u, index, counting);
+    // The first search starts with the largest step there is.
+    var step = 1u << firstLeadingBit(max(n_searched, 1u));
+    var before = 0u;
+    // bound: EMIT_CHUNK turns, a splat that the scan names has a pair.
+    for (var k = 0u; k < n_splats && pair < end; k++) {
+        rank = owner(pair, rank, step, n_searched);
+        step = 1u;
+        let id = depth_order[rank].gaussian;
+        let o = outline(id);
+        before = 0u;
+        if (!counting) {
+            before = splat_pairs[rank];
+        }
+        // bound: rows of tiles, held to MOST_TILE_ROWS by the host.
+        for (var row = o.rows.x; row < o.rows.y; row++) {
+            let span = columns(o, row);
+            let stop = min(before + span.y, select(end, 0u, counting));
+            let first = row * view.tiles.x + span.x;
+            // bound: EMIT_CHUNK turns over all rows and splats together.
+            for (; pair < stop; pair++) {
+                pairs[pair] = stored_tile_pair(TilePair(first + pair - before, pair));
+                pair_gaussian[pair] = id;
+            }
+            before += span.y;
+            if (before >= end) {
+                break;
+            }
+        }
+    }
+    if (counting && index < n) {
+        splat_pairs[index] = before;
+    }
+}

@@ -1,0 +1,120 @@
+//! How the rasterizers share an image out among threads: one rule, and what follows from it for tiles
+//! and stages. Every other stage is the same for all.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::Gpu;
+use super::constants::{BLOCK_H, BLOCK_W, GROUP_TILE, TILE_H, TILE_W, WORKGROUP};
+use crate::config::RasterizerChoice;
+
+/// Which threads own a tile of the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Rasterizer {
+    /// One thread a tile of 4x8 pixels: for drivers that run on a CPU, whose threads are few and wide.
+    Thread,
+    /// One workgroup a tile of 16x16 pixels: for GPUs. Few registers a thread, so that many are in
+    /// flight; its images are those of `Thread` to the bit where the driver's arithmetic is the same.
+    Workgroup,
+}
+
+/// The stages that differ between rasterizers, by name.
+#[derive(Clone, Copy, Debug)]
+pub struct RasterizerStages {
+    /// Emits the pairs.
+    pub bin: &'static str,
+    /// Blends the splats of each tile.
+    pub rasterize: &'static str,
+    /// Finds the gradients of the pairs.
+    pub rasterize_backward: &'static str,
+}
+
+impl Rasterizer {
+    /// Both, in the order in which `doctor` shows them.
+    pub const ALL: [Rasterizer; 2] = [Rasterizer::Thread, Rasterizer::Workgroup];
+
+    /// What a config asks for on an adapter. A choice by measurement could be another one in the next
+    /// run, with other bits; so what stands here is a rule, of the adapter's kind alone: GPUs
+    /// take the workgroup's, whose registers fit them and whose lists have three to five times fewer
+    /// pairs to make, sort and sum. No GPU has been measured; `gspotential doctor` times both.
+    pub fn of(choice: RasterizerChoice, gpu: &Gpu) -> Rasterizer {
+        match (choice, gpu.info.device_type) {
+            (RasterizerChoice::Thread, _) => Rasterizer::Thread,
+            (RasterizerChoice::Workgroup, _) => Rasterizer::Workgroup,
+            (RasterizerChoice::Auto, wgpu::DeviceType::Cpu) => Rasterizer::Thread,
+            (RasterizerChoice::Auto, _) => Rasterizer::Workgroup,
+        }
+    }
+
+    /// The choice of this one whatever the adapter.
+    pub fn choice(self) -> RasterizerChoice {
+        match self {
+            Rasterizer::Thread => RasterizerChoice::Thread,
+            Rasterizer::Workgroup => RasterizerChoice::Workgroup,
+        }
+    }
+
+    /// Returns the names of its own stages, those of their shaders.
+    pub fn stages(self) -> RasterizerStages {
+        match self {
+            Rasterizer::Thread => RasterizerStages {
+                bin: "bin",
+                rasterize: "rasterize",
+                rasterize_backward: "rasterize_backward",
+            },
+            Rasterizer::Workgroup => RasterizerStages {
+                bin: "bin_workgroup",
+                rasterize: "rasterize_workgroup",
+                rasterize_backward: "rasterize_backward_workgroup",
+            },
+        }
+    }
+
+    /// Width and height of a tile, pixels.
+    pub fn tile(self) -> [u32; 2] {
+        match self {
+            Rasterizer::Thread => [TILE_W, TILE_H],
+            Rasterizer::Workgroup => [GROUP_TILE; 2],
+        }
+    }
+
+    /// Tiles across and down an image of this width and height.
+    pub fn tiles(self, size: [u32; 2]) -> [u32; 2] {
+        let tile = self.tile();
+        [0, 1].map(|axis| size[axis].div_ceil(tile[axis]))
+    }
+
+    /// Returns the number of tiles of an image of this width and height.
+    pub fn n_tiles(self, size: [u32; 2]) -> usize {
+        let [across, down] = self.tiles(size);
+        (across as usize).saturating_mul(down as usize)
+    }
+
+    /// Entries of the tiles' order: whole blocks of tiles.
+    pub fn n_slots(self, size: [u32; 2]) -> usize {
+        let [across, down] = self.tiles(size);
+        let blocks =
+            (across.div_ceil(BLOCK_W) as usize).saturating_mul(down.div_ceil(BLOCK_H) as usize);
+        blocks.saturating_mul(WORKGROUP as usize)
+    }
+
+    /// Threads of a rasterizer's dispatch.
+    pub fn n_threads(self, size: [u32; 2]) -> u64 {
+        let a_tile = match self {
+            Rasterizer::Thread => 1,
+            Rasterizer::Workgroup => u64::from(WORKGROUP),
+        };
+        (self.n_slots(size) as u64).saturating_mul(a_tile)
+    }
+}
+
+impl fmt::Display for Rasterizer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Rasterizer::Thread => "thread",
+            Rasterizer::Workgroup => "workgroup",
+        })
+    }
+}

@@ -1,0 +1,306 @@
+//! Slips in the kernels, each with the stage that must notice it.
+
+use gspotential::doctor::stage;
+use gspotential::gpu::Rasterizer;
+
+/// What is replaced in a stage's complete source, and the stages that must notice it, the first
+/// of them first.
+pub(crate) struct Plant {
+    pub(crate) stage: &'static str,
+    pub(crate) from: &'static str,
+    pub(crate) to: &'static str,
+    pub(crate) noticed: &'static str,
+}
+
+impl Plant {
+    /// The rasterizer that runs the stage.
+    pub(crate) fn rasterizer(&self) -> Rasterizer {
+        match self.stage.ends_with("_workgroup") {
+            true => Rasterizer::Workgroup,
+            false => Rasterizer::Thread,
+        }
+    }
+
+    /// Whether a stage is another rasterizer's.
+    pub(crate) fn is_elsewhere(&self, stage: &str) -> bool {
+        let others = Rasterizer::ALL
+            .into_iter()
+            .filter(|r| *r != self.rasterizer());
+        others
+            .map(stage::own)
+            .any(|own| [own.bin, own.rasterize, own.rasterize_backward].contains(&stage))
+    }
+}
+
+const fn plant(
+    stage: &'static str,
+    from: &'static str,
+    to: &'static str,
+    noticed: &'static str,
+) -> Plant {
+    Plant {
+        stage,
+        from,
+        to,
+        noticed,
+    }
+}
+
+/// Slips of the kind that happens: a constant, a sign, an index.
+pub(crate) const PLANTS: [Plant; 45] = [
+    plant(
+        "project",
+        "+ DILATION;",
+        "+ 1.001 * DILATION;",
+        stage::PROJECT,
+    ),
+    plant("project", "* 277803737u;", "* 277803735u;", stage::PROJECT),
+    plant(
+        "project",
+        "max(bitcast<u32>(abs(distance)), least)",
+        "max(bitcast<u32>(abs(distance)) & 0xfffff000u, least)",
+        stage::PROJECT,
+    ),
+    plant(
+        "project",
+        "select(middle + size, middle - size,",
+        "select(middle - size, middle + size,",
+        stage::PROJECT,
+    ),
+    plant(
+        "project",
+        "return Double(sum, b - opaque(sum - a));",
+        "return Double(sum, vec3f(0.0));",
+        stage::PROJECT,
+    ),
+    plant(
+        "project",
+        " - view.center_low",
+        " + view.center_low",
+        stage::RASTERIZE,
+    ),
+    plant(
+        "project",
+        "shear = exact_shear(g, o, r);",
+        "shear = r.hi.x - (b / cov_yy) * r.hi.y;",
+        stage::RASTERIZE,
+    ),
+    plant(
+        "project_backward",
+        "return Double(sum, b - opaque(sum - a));",
+        "return Double(sum, vec3f(0.5));",
+        stage::PROJECT_BACKWARD,
+    ),
+    plant(
+        "radix",
+        "counters += one(digits.x);\n        if",
+        "counters += one(digits.x ^ 1u);\n        if",
+        stage::RADIX_SORT,
+    ),
+    plant(
+        "bin",
+        "floor(o.anchor.x + right",
+        "floor(o.anchor.x + 0.5 * right",
+        stage::BIN,
+    ),
+    plant(
+        "scan",
+        "counts[i / 4u] = vec4u(sum, y, z, w);",
+        "counts[i / 4u] = vec4u(sum, y, z, w + c.w);",
+        stage::SCAN,
+    ),
+    plant(
+        "tile_ranges",
+        "TileSplat(pair_gaussian[entry.pair], entry.pair)",
+        "TileSplat(pair_gaussian[i], entry.pair)",
+        stage::TILE_RANGES,
+    ),
+    plant(
+        "tile_ranges",
+        "tile_ranges[before].end = i;",
+        "tile_ranges[before].end = i - 1u;",
+        stage::TILE_RANGES,
+    ),
+    plant(
+        "tile_ranges",
+        "tile_ranges[before].end = n;",
+        "tile_ranges[before].end = n - 1u;",
+        stage::TILE_RANGES,
+    ),
+    plant(
+        "tile_ranges",
+        "other == length && i < thread.local",
+        "other == length && i > thread.local",
+        stage::TILE_ORDER,
+    ),
+    plant(
+        "rasterize",
+        "raw >= vec4f(ALPHA_MIN)",
+        "raw >= vec4f(2.0 * ALPHA_MIN)",
+        stage::RASTERIZE,
+    ),
+    plant(
+        "bin_workgroup",
+        "floor(o.anchor.x + right",
+        "floor(o.anchor.x + 0.5 * right",
+        stage::BIN_WORKGROUP,
+    ),
+    plant(
+        "rasterize_workgroup",
+        "raw >= vec4f(ALPHA_MIN)",
+        "raw >= vec4f(2.0 * ALPHA_MIN)",
+        stage::RASTERIZE_WORKGROUP,
+    ),
+    plant(
+        "rasterize_workgroup",
+        "atomicMax(&last_open, begin + 1u)",
+        "atomicMax(&last_open, begin)",
+        stage::RASTERIZE_WORKGROUP,
+    ),
+    plant(
+        "rasterize_workgroup",
+        "if (thread.local < n)",
+        "if (thread.local + 1u < n)",
+        stage::RASTERIZE_WORKGROUP,
+    ),
+    plant(
+        "rasterize_backward_workgroup",
+        "vec4f(row_x * t_y,",
+        "vec4f(row_v * t_y,",
+        stage::RASTERIZE_BACKWARD_WORKGROUP,
+    ),
+    plant(
+        "rasterize_backward_workgroup",
+        "leaves[local * BRANCHES + 6u + 1u]",
+        "leaves[local * BRANCHES + 5u + 1u]",
+        stage::RASTERIZE_BACKWARD_WORKGROUP,
+    ),
+    plant(
+        "rasterize_backward_workgroup",
+        "staged_pairs[j + tree]",
+        "staged_pairs[j]",
+        stage::RASTERIZE_BACKWARD_WORKGROUP,
+    ),
+    plant(
+        "ssim",
+        "(var_both + SSIM_C2)",
+        "(var_both + 1.01 * SSIM_C2)",
+        stage::LOSS,
+    ),
+    plant(
+        "ssim",
+        "* (1.0 / LEVEL_MAX);\n    let weight = select(masked,",
+        "* (1.0 / LEVEL_MAX);\n    let weight = select(ceil(masked),",
+        stage::MASKED_LOSS,
+    ),
+    plant(
+        "ssim",
+        "plane_index(view, 3u, at.x4, at.y + 7u)",
+        "plane_index(view, 2u, at.x4, at.y + 7u)",
+        stage::LOSS,
+    ),
+    plant("ssim", "+ row_e * (residual - of_row);", ";", stage::LOSS),
+    plant(
+        "ssim",
+        "about.x + mean_e,",
+        "1.0001 * about.x + mean_e,",
+        stage::LOSS,
+    ),
+    plant(
+        "loss_sum",
+        "loss.mean_scale * sum.yx",
+        "1.0001 * loss.mean_scale * sum.yx",
+        stage::LOSS,
+    ),
+    plant(
+        "rasterize_backward",
+        "sum_xy += row_x * t_y;",
+        "sum_xy += row_v * t_y;",
+        stage::RASTERIZE_BACKWARD,
+    ),
+    plant(
+        "bin",
+        "last = splat_pairs[index + 1u];",
+        "last = splat_pairs[index];",
+        stage::BIN,
+    ),
+    plant(
+        "sum_pairs",
+        "i < PAIR_BLOCK; i++",
+        "i < PAIR_BLOCK - 1u; i++",
+        stage::SUM_PAIRS,
+    ),
+    plant(
+        "sum_pairs",
+        "first + size - 1u]",
+        "first + size / 2u]",
+        stage::SUM_PAIRS,
+    ),
+    plant(
+        "sum_pairs",
+        "left >= PAIR_BLOCK)",
+        "left > PAIR_BLOCK / 2u)",
+        stage::SUM_PAIRS,
+    ),
+    plant(
+        "sum_pairs",
+        "d.v * (1.0 - kept_share(view) * s.opacity)",
+        "d.v * s.opacity",
+        stage::PROJECT_BACKWARD,
+    ),
+    plant(
+        "sum_pairs",
+        "1.0 - kept_share(view) * s.opacity",
+        "1.0 - s.opacity",
+        stage::PROJECT_BACKWARD,
+    ),
+    plant(
+        "pose_backward",
+        "d_mean -= color_to_mean",
+        "d_mean += color_to_mean",
+        stage::POSE_BACKWARD,
+    ),
+    plant(
+        "pose_backward",
+        "+ 0.5 * torque",
+        "+ torque",
+        stage::POSE_BACKWARD,
+    ),
+    plant(
+        "pose_backward",
+        "shifts[0] * w)",
+        "w * shifts[0])",
+        stage::POSE_BACKWARD,
+    ),
+    plant(
+        "adam",
+        "step.new_share_2 * (gradient * gradient)",
+        "step.new_share_1 * (gradient * gradient)",
+        stage::ADAM,
+    ),
+    plant(
+        "adam",
+        "vec4f(0.0), frozen)",
+        "vec4f(0.0), frozen && plane > 0u)",
+        stage::ADAM,
+    ),
+    plant("adam", " - step.views[0].center_low", "", stage::ADAM),
+    plant(
+        "rearrange",
+        "new_planes[plane * rearrange.new_stride + id]",
+        "new_planes[plane * rearrange.old_stride + id]",
+        stage::REARRANGE,
+    ),
+    plant(
+        "reset_opacity",
+        "> reset.frozen_beyond",
+        "> 1.1 * reset.frozen_beyond",
+        stage::RESET_OPACITY,
+    ),
+    plant(
+        "reset_opacity",
+        "second_moment[id].w = 0.0;",
+        "second_moment[id].x = 0.0;",
+        stage::RESET_OPACITY,
+    ),
+];
