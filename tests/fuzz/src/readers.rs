@@ -364,6 +364,8 @@ fn checkpoint_file() -> Folder {
         plans: Vec::new(),
         poses: None,
         guides: Vec::new(),
+        signal: Vec::new(),
+        trims: Vec::new(),
     };
     Checkpoints::new(folder.path().to_owned())
         .save(7, &state, std::iter::once(Ok(vec![1, 2, 3, 4])))
