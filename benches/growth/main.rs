@@ -24,23 +24,23 @@ use gspotential::error::Result;
 use gspotential::gpu::Gpu;
 
 /// One figure of one size.
-pub struct Figure {
+pub(crate) struct Figure {
     /// What grows.
-    pub sweep: &'static str,
-    pub size: f64,
-    pub what: String,
+    pub(crate) sweep: &'static str,
+    pub(crate) size: f64,
+    pub(crate) what: String,
     /// `s`, `B`, or what is counted.
-    pub unit: &'static str,
-    pub value: f64,
+    pub(crate) unit: &'static str,
+    pub(crate) value: f64,
 }
 
-pub const GAUSSIANS: &str = "Gaussians";
-pub const PIXELS: &str = "pixels";
-pub const VIEWS: &str = "virtual views";
-pub const POINTS: &str = "cloud points";
+pub(crate) const GAUSSIANS: &str = "Gaussians";
+pub(crate) const PIXELS: &str = "pixels";
+pub(crate) const VIEWS: &str = "virtual views";
+pub(crate) const POINTS: &str = "cloud points";
 
 #[derive(Parser)]
-pub struct Args {
+pub(crate) struct Args {
     /// Folder for growth.csv, growth.md and the plots
     #[arg(long, default_value = "target/growth")]
     out: PathBuf,
@@ -65,7 +65,7 @@ pub struct Args {
 }
 
 /// 1, 2 and 5 times powers of ten from `first` to `last`.
-pub fn sizes(first: usize, last: usize) -> Vec<usize> {
+pub(crate) fn sizes(first: usize, last: usize) -> Vec<usize> {
     let decades = (0..12).map(|k| 10_usize.pow(k));
     let all = decades.flat_map(|ten| [ten, 2 * ten, 5 * ten]);
     all.filter(|n| (first..=last).contains(n)).collect()

@@ -22,16 +22,16 @@ use gspotential::scene::LoadOptions;
 use kit::SceneArgs;
 
 /// What is measured of one setting of one choice.
-pub struct Measured {
-    pub choice: &'static str,
-    pub setting: String,
+pub(crate) struct Measured {
+    pub(crate) choice: &'static str,
+    pub(crate) setting: String,
     /// Whether the program uses it.
-    pub kept: bool,
-    pub seconds: f64,
+    pub(crate) kept: bool,
+    pub(crate) seconds: f64,
     /// In the unit of its choice.
-    pub error: f64,
+    pub(crate) error: f64,
     /// What else there is to know.
-    pub note: String,
+    pub(crate) note: String,
 }
 
 #[derive(Parser)]

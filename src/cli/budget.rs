@@ -15,8 +15,11 @@ pub(crate) enum Budget {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Decibels(pub(crate) f64);
 
+/// The budget of a number of some unit.
+type OfUnit = fn(f64) -> Budget;
+
 /// Units, the longer of two that end alike first.
-const UNITS: [(&str, fn(f64) -> Budget); 6] = [
+const UNITS: [(&str, OfUnit); 6] = [
     ("kB", |n| Budget::Megabytes(1e-3 * n)),
     ("MB", Budget::Megabytes),
     ("GB", |n| Budget::Megabytes(1e3 * n)),

@@ -8,10 +8,13 @@ use crate::report::evaluation::{COVERED, MASKED, how, lpips_hint};
 use crate::report::stats::Figure;
 use crate::report::table::{Cell, Column, Table, escaped};
 
+/// A run's figure in a column; `None` if it has none.
+type Value = Box<dyn Fn(&ComparedRun) -> Option<f64>>;
+
 /// A column of figures and what each run has in it.
 struct Measure {
     column: Column,
-    value: Box<dyn Fn(&ComparedRun) -> Option<f64>>,
+    value: Value,
 }
 
 impl Measure {
