@@ -35,10 +35,10 @@ fn project_backward(thread: Thread) {
     }
     let stride = view.stride;
     let slot = view.slot;
-    // Always true together with the first part alone; as it stands, no branch depends on uniforms
-    // only. Mesa's software driver would compile the kernel anew for every dispatch of such a one.
-    let is_first = (slot == 0u) & (id < view.n_gaussians);
     let d = unpacked_gradient(splats[id]);
+    // The second part is always true, which no compiler knows: as it stands, no branch depends on uniforms
+    // only. Mesa's software driver would compile the kernel anew for every dispatch of such a one, and keep each.
+    let is_first = (slot == 0u) & (d.l_xx >= 0.0);
     if (d.l_xx == 0.0) {
         if (is_first) {
             d_geometry[id] = vec4f(0.0);

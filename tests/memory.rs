@@ -10,6 +10,7 @@ use gspotential::scene::{LoadOptions, Scene, SceneSource};
 use gspotential::train::{Goal, Trainer};
 
 use crate::gpu::rig::context;
+use crate::kit::program::succeed;
 
 fn prepared(config: &Config) -> (Scene, Prepared) {
     let options = LoadOptions {
@@ -151,4 +152,25 @@ fn goals_are_packed_without_loss() {
         .map(|i| if i % 2 == 0 { 0 } else { !0 - i })
         .collect();
     assert_eq!(Goal::new(&half).bytes(), 6400 / 8 + 3 * 3200);
+}
+
+/// A kernel that a driver compiles anew for each dispatch, and keeps, takes a megabyte an iteration.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_longer_training_takes_no_more_memory() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let peak = |iterations: u32| {
+        let args = format!(
+            "train --scene builtin:48 --preset 3dgs --iterations {iterations} --max-points 200 \
+             --set scene.n_test=1 --set densify.enabled=false --out run-{iterations}"
+        );
+        succeed(folder.path(), args.as_str());
+        let metrics = folder.path().join(format!("run-{iterations}/metrics.json"));
+        let text = std::fs::read_to_string(metrics).expect("metrics");
+        let metrics: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+        let bytes = metrics["memory"]["host_peak_bytes"].as_u64();
+        bytes.expect("a peak") >> 20
+    };
+    let (short, long) = (peak(50), peak(400));
+    assert!(long < short + 40, "{short} MiB, {long} MiB");
 }
