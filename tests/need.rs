@@ -6,7 +6,6 @@ use gspotential::doctor::twin::compare::held_l2;
 use gspotential::doctor::twin::random::Random;
 use gspotential::doctor::twin::raster::{backward, render};
 use gspotential::doctor::{Context, gaussians_of};
-use gspotential::error::Result;
 use gspotential::gaussians::Gaussians;
 use gspotential::metrics::{FloatImage, masked_psnr};
 use gspotential::pipeline::{Prepared, prepare};
@@ -16,12 +15,12 @@ use gspotential::scene::builtin::{BuiltinOptions, scene};
 use gspotential::scene::{Image, Scene};
 use gspotential::train::length::Settling;
 use gspotential::train::trim::most;
-use gspotential::train::{
-    LossSample, Observer, SignalPoint, State, Trained, Trainer, TrainingView,
-};
+use gspotential::train::{SignalPoint, Trained, Trainer, TrainingView};
 
 use crate::gpu::rig::context;
 use crate::hard::specimens::noise_supervision;
+use crate::kit::keep::{Keep, same};
+use crate::kit::program::{run, succeed};
 
 fn small_scene() -> Scene {
     scene(&BuiltinOptions {
@@ -278,43 +277,6 @@ fn rates_fall_linearly_from_all_to_nothing() {
     assert_eq!([0, 99].map(|i| settling.rate(i)), [1.0; 2]);
 }
 
-/// Keeps the state after some iterations.
-struct Keep {
-    at: u32,
-    kept: Option<(State, Vec<Vec<u8>>)>,
-    lengths: Vec<u32>,
-}
-
-impl Observer for Keep {
-    fn ends(&mut self, iterations: u32) {
-        self.lengths.push(iterations);
-    }
-
-    fn look(&mut self, _: &LossSample, _: usize) {}
-
-    fn keeps(&self, done: u32) -> bool {
-        done == self.at
-    }
-
-    fn keep(
-        &mut self,
-        state: &State,
-        buffers: &mut dyn Iterator<Item = Result<Vec<u8>>>,
-    ) -> Result<()> {
-        self.kept = Some((state.clone(), buffers.collect::<Result<_>>()?));
-        Ok(())
-    }
-}
-
-fn same(one: &Trained, other: &Trained) -> bool {
-    one.gaussians == other.gaussians
-        && one.samples == other.samples
-        && one.plans == other.plans
-        && one.signal == other.signal
-        && one.trims == other.trims
-        && one.iterations == other.iterations
-}
-
 #[test]
 fn what_is_chosen_is_chosen_again_from_any_state() {
     let scene = small_scene();
@@ -332,11 +294,7 @@ fn what_is_chosen_is_chosen_again_from_any_state() {
         Trainer::new(&ctx.gpu, &ctx.kernels, start, supervision, &config).expect("fits")
     };
     let run = |mut trainer: Trainer<'_>, at: u32| {
-        let mut keep = Keep {
-            at,
-            kept: None,
-            lengths: Vec::new(),
-        };
+        let mut keep = Keep::at(at);
         let trained = trainer.run(&mut keep).expect("trains");
         assert_eq!(keep.lengths.last(), Some(&trained.iterations));
         (trained, keep.kept)
@@ -391,4 +349,59 @@ fn degrees_that_no_gaussian_has_are_left_out() {
     let mut used = whole;
     used.sh[95] = 1e-30;
     assert_eq!(used.clone().without_empty_degrees(), used);
+}
+
+#[test]
+fn a_budget_bounds_the_file_and_the_iterations_and_can_be_repeated() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let read = |path: &str| std::fs::read(folder.path().join(path)).expect("a file");
+    let json =
+        |path: &str| -> serde_json::Value { serde_json::from_slice(&read(path)).expect("JSON") };
+    let tiny = "train --scene builtin:32 --max-points 400 --set views.count=16 --set shell.count=100 \
+                --set scene.n_test=1 --set iterations=60 --set need.interval=10";
+    succeed(folder.path(), &format!("{tiny} --out free"));
+    let budget = "--budget 20kB --budget 1h";
+    let log = succeed(folder.path(), &format!("{tiny} {budget} --out tight")).log;
+    let bytes = |run: &str| read(&format!("{run}/point_cloud.ply")).len();
+    assert!(bytes("free") > 20_000, "{}", bytes("free"));
+    assert!(bytes("tight") <= 20_000, "{}", bytes("tight"));
+    assert!(log.contains("for the file to fit (need.max_mb)"), "{log}");
+    let config = json("tight/config.json");
+    assert_eq!(config["need"]["max_mb"], 0.02);
+    assert_eq!(config["need"]["max_s"], 3600.0);
+    assert!(
+        config["need"]["iteration_s"].as_f64() > Some(0.0),
+        "{config}"
+    );
+    // From its config alone, with the time of an iteration that stands there.
+    let again = "train --scene builtin:32 --config tight/config.json --out again";
+    succeed(folder.path(), again);
+    assert!(read("tight/point_cloud.ply") == read("again/point_cloud.ply"));
+    // Less time than one iteration takes leaves one, and says that it is too few.
+    let short = format!("{tiny} --budget 1s --set need.iteration_s=10 --out short");
+    let log = succeed(folder.path(), &short).log;
+    assert!(
+        log.contains("the budget has time for 1 iterations"),
+        "{log}"
+    );
+    assert_eq!(json("short/metrics.json")["iterations"], 1);
+}
+
+#[test]
+fn budgets_and_tolerances_that_are_none_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (option, part) in [
+        ("--budget 20", "20MB, 3min"),
+        ("--budget 0MB", "20MB, 3min"),
+        ("--budget -1s", "-1"),
+        ("--budget infMB", "20MB, 3min"),
+        ("--budget 3days", "20MB, 3min"),
+        ("--tolerance=-1dB", "0.1dB"),
+        ("--tolerance much", "0.1dB"),
+        ("--gaussians 5 --max-points 5", "--max-points"),
+    ] {
+        let ended = run(folder.path(), &format!("train --dry-run {option}"));
+        assert_eq!(ended.code, Some(2), "{option}: {}", ended.log);
+        assert!(ended.log.contains(part), "{option}: {}", ended.log);
+    }
 }

@@ -1,4 +1,4 @@
-//! Budgets and tolerances as they are written: `20MB`, `3min`, `0.1dB`.
+//! This module reads budgets and tolerances as they are written: `20MB`, `3min`, `0.1dB`.
 
 use std::str::FromStr;
 

@@ -1,4 +1,4 @@
-//! The keys of what is chosen for a scene.
+//! This module has the keys of what is chosen for a scene.
 
 use super::declare::{any, at_least, from_below, positive, section, within, zero_or};
 
@@ -37,18 +37,18 @@ section! {
 }
 
 impl NeedConfig {
-    /// Most iterations that `max_s` has time for, what decides included; `None` where it is not known or not bounded.
+    /// Returns the most iterations that `max_s` has time for, what decides included; `None` where it is not known or not bounded.
     pub fn most_iterations(&self) -> Option<u32> {
         let each = DECIDING * self.iteration_s?;
         Some((self.max_s? / each).max(1.0) as u32)
     }
 
-    /// Whether anything is chosen.
+    /// Says whether anything is chosen.
     pub fn chooses(&self) -> bool {
         self.ends || self.prunes()
     }
 
-    /// Whether Gaussians are pruned by contribution.
+    /// Says whether Gaussians are pruned by contribution.
     pub fn prunes(&self) -> bool {
         self.prune || self.max_mb.is_some()
     }

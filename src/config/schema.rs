@@ -312,7 +312,7 @@ section! {
 }
 
 impl DropoutConfig {
-    /// Whether Gaussians have shares of their own.
+    /// Says whether Gaussians have shares of their own.
     pub fn is_guided(&self) -> bool {
         self.depth_weight > 0.0 || self.density_weight > 0.0
     }

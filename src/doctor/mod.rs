@@ -148,7 +148,7 @@ pub fn examine(gpu: Gpu) -> Result<Report> {
     Ok(Report::new(adapter, rasterizers, findings, &timings))
 }
 
-/// Every stage of small views, with the context's rasterizer.
+/// Checks every stage of small views, with the context's rasterizer.
 ///
 /// # Errors
 /// A GPU fault.

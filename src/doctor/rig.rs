@@ -56,7 +56,7 @@ impl Context {
         Ok(context)
     }
 
-    /// The same adapter with another rasterizer.
+    /// Makes a context of the same adapter with another rasterizer.
     ///
     /// # Errors
     /// A kernel that the driver refuses.

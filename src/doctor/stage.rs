@@ -82,7 +82,7 @@ pub struct Own {
     pub rasterize_backward: &'static str,
 }
 
-/// Those of `rasterizer`.
+/// Returns the stages of `rasterizer`.
 pub fn own(rasterizer: Rasterizer) -> Own {
     match rasterizer {
         Rasterizer::Thread => Own {

@@ -61,7 +61,7 @@ fn write_rasterizer(f: &mut fmt::Formatter<'_>, report: &RasterizerReport) -> fm
 }
 
 impl Report {
-    /// The rule's rasterizer and the fastest, where that is another by more than a tenth: less is noise.
+    /// Returns the rule's rasterizer and the fastest, where that is another by more than a tenth: less is noise.
     fn faster_than_the_rule(&self) -> Option<(Rasterizer, Rasterizer)> {
         let rule = self.rasterizers.iter().find(|r| r.is_rule)?;
         let by_time = |a: &&RasterizerReport, b: &&RasterizerReport| {

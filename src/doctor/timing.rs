@@ -110,7 +110,7 @@ impl<'a> Stopwatch<'a> {
 /// A stage and how it is recorded.
 type Step = (&'static str, fn(&Pass<'_>, &mut Commands<'_>));
 
-/// The stages of a view. The sort by tile stands for both sorts, counting and emitting pairs are
+/// Times the stages of a view. The sort by tile stands for both sorts, counting and emitting pairs are
 /// one stage.
 fn steps(rasterizer: Rasterizer) -> [Step; 12] {
     let own = stage::own(rasterizer);

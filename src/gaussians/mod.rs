@@ -74,7 +74,7 @@ impl Gaussians {
             && self.sh[i * n_sh..][..n_sh].iter().all(|c| c.is_finite())
     }
 
-    /// The same without the highest degrees in which no Gaussian has a coefficient.
+    /// Returns the same without the highest degrees in which no Gaussian has a coefficient.
     pub fn without_empty_degrees(self) -> Gaussians {
         let whole = 3 * self.n_sh();
         let is_empty = |from: usize| {

@@ -39,7 +39,7 @@ fn property_names(sh_degree: u32) -> Vec<String> {
 /// Bytes that a header may take: 62 properties of the longest name, and the offset's comments.
 const MOST_HEADER_BYTES: usize = 2048;
 
-/// Most Gaussians of a degree whose file has at most so many bytes.
+/// Returns the most Gaussians of a degree whose file has at most so many bytes.
 pub fn most_in(bytes: usize, sh_degree: u32) -> usize {
     let row = size_of::<f32>() * property_names(sh_degree).len();
     bytes.saturating_sub(MOST_HEADER_BYTES) / row

@@ -1,5 +1,5 @@
-//! How the rasterizers share an image out among threads: one rule, and what follows from it for tiles
-//! and stages. Every other stage is the same for all.
+//! This module says how the rasterizers share an image out among threads: one rule, and what follows from it for
+//! tiles and stages. Every other stage is the same for all.
 
 use std::fmt;
 
@@ -35,7 +35,7 @@ impl Rasterizer {
     /// Both, in the order in which `doctor` shows them.
     pub const ALL: [Rasterizer; 2] = [Rasterizer::Thread, Rasterizer::Workgroup];
 
-    /// What a config asks for on an adapter. A choice by measurement could be another one in the next
+    /// Resolves what a config asks for on an adapter. A choice by measurement could be another one in the next
     /// run, with other bits; so what stands here is a rule, of the adapter's kind alone: GPUs
     /// take the workgroup's, whose registers fit them and whose lists have three to five times fewer
     /// pairs to make, sort and sum. No GPU has been measured; `gspotential doctor` times both.
@@ -48,7 +48,7 @@ impl Rasterizer {
         }
     }
 
-    /// The choice of this one whatever the adapter.
+    /// Returns the choice that asks for this one, whatever the adapter.
     pub fn choice(self) -> RasterizerChoice {
         match self {
             Rasterizer::Thread => RasterizerChoice::Thread,
@@ -72,7 +72,7 @@ impl Rasterizer {
         }
     }
 
-    /// Width and height of a tile, pixels.
+    /// Returns the width and height of a tile, pixels.
     pub fn tile(self) -> [u32; 2] {
         match self {
             Rasterizer::Thread => [TILE_W, TILE_H],

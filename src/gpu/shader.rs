@@ -68,7 +68,7 @@ pub fn compose(stage: &str, sh_degree: u32) -> String {
     constants::prelude(sh_degree) + &unroll(&lines)
 }
 
-/// Every shader that a driver gets: its name, and its complete WGSL. A stage that depends on the active
+/// Lists every shader that a driver gets: its name, and its complete WGSL. A stage that depends on the active
 /// SH degree has one a degree.
 pub fn programs() -> Vec<(String, String)> {
     let of_stage = |(stage, _): &(&str, &str)| {

@@ -1,4 +1,4 @@
-//! How long an iteration takes, from the first ones.
+//! This module times the first iterations, for what a run will take.
 
 use std::time::Instant;
 
@@ -40,7 +40,7 @@ pub(super) fn iteration_s(gpu: &Gpu, prepared: &Prepared, config: &Config) -> Re
     Ok(run(N_WARM, N_TIMED)? / f64::from(N_TIMED))
 }
 
-/// The config with the time of an iteration where it asks for a time of training and does not have it, measured now.
+/// Returns the config with the time of an iteration where it asks for a time of training and does not have it, measured now.
 ///
 /// # Errors
 /// What training refuses.
@@ -64,7 +64,7 @@ pub(super) fn calibrated(gpu: &Gpu, prepared: &Prepared, config: &Config) -> Res
     Ok(config)
 }
 
-/// The config with no more iterations than there is time for.
+/// Returns the config with no more iterations than there is time for.
 pub(super) fn within_time(mut config: Config) -> Config {
     if let Some(most) = config.need.most_iterations() {
         config.iterations = config.iterations.min(most);

@@ -1,11 +1,11 @@
-//! What a run has chosen for its scene, and why, in words.
+//! This module says in words what a run has chosen for its scene, and why.
 
 use crate::config::Config;
 use crate::gaussians::Gaussians;
 use crate::train::length::Settling;
 use crate::train::{SignalPoint, Trim};
 
-/// A sentence for everything that was chosen; none where all was stated.
+/// Writes a sentence for everything that was chosen; none where all was stated.
 pub(super) fn chosen(
     trained: &Gaussians,
     iterations: u32,

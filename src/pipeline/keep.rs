@@ -173,7 +173,7 @@ impl<'a> Keeper<'a> {
         Ok(header.log)
     }
 
-    /// The run has been decided to have so many iterations.
+    /// Learns that the run has been decided to have so many iterations.
     pub(super) fn ends(&mut self, iterations: u32) {
         self.iterations = iterations;
     }

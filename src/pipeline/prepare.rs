@@ -253,7 +253,7 @@ fn supervision(
     }
 }
 
-/// Virtual views of which every `one_in`-th in their order is held out, and the others. The order is that of the draw,
+/// Splits virtual views into those held out, every `one_in`-th in their order, and the others. The order is that of the draw,
 /// so that the seed decides which; at 0, or where a view shows no point, it stays with the others.
 fn held_out(views: Vec<TrainingView>, one_in: usize) -> (Vec<TrainingView>, Vec<TrainingView>) {
     let is_held_out = |i: usize, view: &TrainingView| {

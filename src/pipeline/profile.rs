@@ -39,7 +39,7 @@ impl Sampler {
         }
     }
 
-    /// The run has been decided to have so many iterations.
+    /// Learns that the run has been decided to have so many iterations.
     pub(super) fn ends(&mut self, iterations: u32) {
         self.iterations = iterations;
     }

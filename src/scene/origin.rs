@@ -1,4 +1,4 @@
-//! Which view each point of a cloud came from, by the word of the cloud's file.
+//! This module reads which view each point of a cloud came from, by the word of the cloud's file.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -116,7 +116,8 @@ fn names(header: &str) -> BTreeMap<u32, String> {
     named.collect()
 }
 
-/// Leaves out of the first points what came from other views than it may, with a line about it.
+/// Tells of each point whether a scene takes it: whether it came from one of the `first` views, or from no
+/// test view if none are asked for. `None` if the file does not say where its points came from.
 ///
 /// # Errors
 /// Usage: `first` views of a file that does not say where its points came from.

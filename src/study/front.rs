@@ -1,4 +1,4 @@
-//! Fronts: the variants that no other beats in quality and cost at once (Pareto), and where the chosen one lies.
+//! This module finds fronts: the variants that no other beats in quality and cost at once (Pareto), and where the chosen one lies.
 
 use super::Picture;
 use super::file_name;
@@ -66,7 +66,7 @@ pub struct Place {
     pub quality: f64,
 }
 
-/// Indices of the places on the front, the cheapest first: none costs as little or less and is better, or costs
+/// Returns the indices of the places on the front, the cheapest first: none costs as little or less and is better, or costs
 /// less and is as good. The first of equals stands for them.
 pub fn front(places: &[Place]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..places.len()).collect();
@@ -85,7 +85,7 @@ pub fn front(places: &[Place]) -> Vec<usize> {
     order
 }
 
-/// How far `chosen` lies below the best quality that its cost buys; 0 on the front.
+/// Returns how far `chosen` lies below the best quality that its cost buys; 0 on the front.
 pub fn below(places: &[Place], chosen: &Place) -> f64 {
     let affordable = places.iter().filter(|place| place.cost <= chosen.cost);
     let best = affordable
@@ -94,7 +94,7 @@ pub fn below(places: &[Place], chosen: &Place) -> f64 {
     best - chosen.quality
 }
 
-/// The fronts of every scene in each quality over each cost: a table, and a picture each.
+/// Makes the fronts of every scene in each quality over each cost: a table, and a picture each.
 ///
 /// # Errors
 /// A picture that cannot be drawn.
@@ -116,7 +116,7 @@ pub(super) fn fronts(results: &Results, chosen: &str) -> Result<(Table, Vec<Pict
     Ok((table, pictures))
 }
 
-/// Every variant that was measured so.
+/// Lists every variant that was measured so.
 fn places(results: &Results, scope: &Scope, (quality, cost): (&Measure, &Measure)) -> Vec<Place> {
     let mut places: Vec<Place> = Vec::new();
     for run in &results.runs {
@@ -183,7 +183,7 @@ fn picture(
     })
 }
 
-/// Size of a run's trained file, MB of 10^6 bytes.
+/// Returns the size of a run's trained file, MB of 10^6 bytes.
 pub(super) fn file_mb(run: &Finished) -> Option<f64> {
     let file = std::fs::metadata(run.run.point_cloud()).ok()?;
     Some(file.len() as f64 / 1e6)

@@ -96,7 +96,7 @@ impl Progress {
         self
     }
 
-    /// The stage has been decided to have so many steps.
+    /// Learns that the stage has been decided to have so many steps.
     pub fn ends(&mut self, total: u32) {
         self.pace.total = total;
         if let Sink::Bar(bar) = &self.sink {

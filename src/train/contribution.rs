@@ -1,4 +1,4 @@
-//! What each Gaussian contributes to the views that are learned from.
+//! This module finds what each Gaussian contributes to the views that are learned from.
 //!
 //! A Gaussian's contribution is the sum of `alpha T` over pixels, each times its weight in the loss: what it puts of its colour
 //! into the images. It is the gradient of the images' sum with respect to its colour, which the backward of the
@@ -14,7 +14,7 @@ use crate::render::{ViewUniform, read_totals};
 const MOST_VIRTUAL: usize = 32;
 
 impl Trainer<'_> {
-    /// The contribution of every Gaussian after `done` iterations to the photographs and up to 32 virtual views.
+    /// Returns the contribution of every Gaussian after `done` iterations to the photographs and up to 32 virtual views.
     ///
     /// # Errors
     /// A view that the adapter cannot hold, or a GPU fault.
@@ -68,7 +68,7 @@ impl Trainer<'_> {
     }
 }
 
-/// `d_rendered`'s planes where the gradient is `weights` (`height * width`) in blue and 0 in red, green and alpha.
+/// Returns `d_rendered`'s planes where the gradient is `weights` (`height * width`) in blue and 0 in red, green and alpha.
 fn blue_gradient(view: &ViewUniform, weights: &[f32]) -> Vec<f32> {
     let plane = 4 * view.plane_len();
     let (width, row) = (view.size[0] as usize, 4 * view.padded_size().0);

@@ -71,7 +71,7 @@ impl Goal {
         }
     }
 
-    /// Whether any pixel has full weight.
+    /// Says whether any pixel has full weight.
     pub fn has_opaque(&self) -> bool {
         match &self.alpha {
             Some(alpha) => alpha.contains(&u8::MAX),

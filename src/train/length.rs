@@ -1,4 +1,4 @@
-//! How long training takes.
+//! This module decides how long training takes.
 //!
 //! Rates stay as they are until the held-out views have stopped rising; then training settles: all rates fall
 //! linearly to nothing over `need.settle_share` of the whole. The length need not be known before for that, as a
@@ -22,7 +22,7 @@ pub struct Settling {
 }
 
 impl Settling {
-    /// The settling as it is planned after the measurements `signal`: that of `config.iterations`, unless
+    /// Returns the settling as it is planned after the measurements `signal`: that of `config.iterations`, unless
     /// the config has them end training and they have.
     pub fn of(config: &Config, signal: &[SignalPoint]) -> Settling {
         let (need, most) = (&config.need, config.iterations);
@@ -45,7 +45,7 @@ impl Settling {
         }
     }
 
-    /// What all rates are multiplied by at `iteration` (from 0).
+    /// Returns what all rates are multiplied by at `iteration` (from 0).
     pub fn rate(&self, iteration: u32) -> f64 {
         if iteration < self.from {
             return 1.0;
@@ -54,14 +54,14 @@ impl Settling {
         f64::from(left) / f64::from((self.until - self.from).max(1))
     }
 
-    /// After how many iterations Gaussians are pruned that contribute least: when rates begin to fall, and once more
+    /// Returns after how many iterations Gaussians are pruned that contribute least: when rates begin to fall, and once more
     /// half-way.
     pub fn prunings(&self) -> [u32; 2] {
         [self.from, self.from + (self.until - self.from) / 2]
     }
 }
 
-/// Whether the last third of the iterations has raised the held-out views by less than `least_gain_db`.
+/// Says whether the last third of the iterations has raised the held-out views by less than `least_gain_db`.
 fn has_stopped(signal: &[SignalPoint], least_gain_db: f64) -> bool {
     let Some(last) = signal.last() else {
         return false;
@@ -70,7 +70,7 @@ fn has_stopped(signal: &[SignalPoint], least_gain_db: f64) -> bool {
     before.is_some_and(|before| last.held_out - before < least_gain_db)
 }
 
-/// The held-out views' PSNR after so many iterations, linear between measurements; `None` before the first.
+/// Returns the held-out views' PSNR after so many iterations, linear between measurements; `None` before the first.
 fn at(signal: &[SignalPoint], iteration: f64) -> Option<f64> {
     let pairs = signal.windows(2).map(|pair| (&pair[0], &pair[1]));
     let mut around = pairs.filter(|(a, b)| a.iteration < b.iteration);

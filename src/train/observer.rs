@@ -8,7 +8,7 @@ use crate::render::Model;
 
 /// An observer is told of the training as it goes; nothing that it does changes what is trained.
 pub trait Observer {
-    /// Before the first iteration, and whenever it has been decided anew how many there are.
+    /// Is called before the first iteration, and whenever it has been decided anew how many there are.
     fn ends(&mut self, _iterations: u32) {}
 
     /// Is called after every look at the losses.

@@ -140,7 +140,7 @@ impl StepUniform {
         }
     }
 
-    /// The same step with all rates multiplied by `rate`.
+    /// Returns the same step with all rates multiplied by `rate`.
     pub fn slowed(mut self, rate: f64) -> StepUniform {
         let rate = rate as f32;
         for plane in &mut self.geometry_rates {

@@ -1,4 +1,4 @@
-//! The signal: how well virtual views are shown that nothing was learned from.
+//! This module measures the signal: how well virtual views are shown that nothing was learned from.
 //!
 //! One in `need.hold_out` virtual views is held out of training. Its splat shows what the photographs saw from where
 //! none was taken: it tells what was learned of the scene from what was learned by heart, which the training
@@ -31,14 +31,14 @@ const MOST_PSNR: f64 = 100.0;
 /// A view and its camera as kernels take it.
 type Measured<'a> = (&'a TrainingView, ViewUniform);
 
-/// Whether a measurement follows after `done` iterations, `interval` or more after the last.
+/// Says whether a measurement follows after `done` iterations, `interval` or more after the last.
 fn is_due(signal: &[SignalPoint], interval: u32, done: u32) -> bool {
     let last = signal.last().map_or(0, |point| point.iteration);
     done >= last.saturating_add(interval.max(last / SPACING))
 }
 
 impl Trainer<'_> {
-    /// Whether the held-out views are measured after `done` iterations; the last is among them.
+    /// Says whether the held-out views are measured after `done` iterations; the last is among them.
     pub(super) fn measures(&self, done: u32) -> bool {
         let Settling { from, until } = self.settling;
         let is_new = self.signal.last().is_none_or(|p| p.iteration < done);
@@ -47,12 +47,12 @@ impl Trainer<'_> {
         !self.held_out.is_empty() && (is_due(&self.signal, interval, done) || (is_new && is_turn))
     }
 
-    /// The settling as the measurements so far have it.
+    /// Returns the settling as the measurements so far have it.
     pub(super) fn settles(&self) -> Settling {
         Settling::of(self.config, &self.signal)
     }
 
-    /// Active SH degree at `iteration` (from 0). None begins once rates fall: it would hardly be trained.
+    /// Returns the active SH degree at `iteration` (from 0). None begins once rates fall: it would hardly be trained.
     pub(super) fn sh_degree(&self, iteration: u32) -> u32 {
         schedule::sh_degree(self.config, iteration.min(self.settling.from))
     }
@@ -70,7 +70,7 @@ impl Trainer<'_> {
         Ok(())
     }
 
-    /// What a measurement gives after `done` iterations, of at most so many held-out views, evenly over all.
+    /// Returns what a measurement gives after `done` iterations, of at most so many held-out views, evenly over all.
     pub(super) fn point(&mut self, done: u32, most_held_out: usize) -> Result<SignalPoint> {
         let degree = self.sh_degree(done.saturating_sub(1));
         let supervision = self.supervision;
@@ -88,7 +88,7 @@ impl Trainer<'_> {
         })
     }
 
-    /// Mean PSNR of views over their pixels of full weight; `None` where there are none.
+    /// Returns the mean PSNR of views over their pixels of full weight; `None` where there are none.
     fn mean_psnr(&mut self, views: &[Measured<'_>], degree: u32) -> Result<Option<f64>> {
         let mut scores = Vec::with_capacity(views.len());
         for &(view, uniform) in views {
@@ -132,7 +132,7 @@ impl Trainer<'_> {
     }
 }
 
-/// PSNR of a render over the pixels of `goal` that have full weight.
+/// Returns the PSNR of a render over the pixels of `goal` that have full weight.
 fn visible_psnr(rendered: &Rendered, goal: &[u32]) -> Result<Option<f64>> {
     let (width, height) = (rendered.width, rendered.height);
     let rgb = goal.iter().flat_map(|texel| {

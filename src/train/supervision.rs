@@ -79,7 +79,7 @@ pub struct Supervision {
 }
 
 impl Supervision {
-    /// Every view: the real ones, the virtual ones, those held out.
+    /// Iterates over every view: the real ones, the virtual ones, those held out.
     pub fn views(&self) -> impl Iterator<Item = &TrainingView> {
         let trained = self.real.iter().chain(&self.virtual_views);
         trained.chain(&self.held_out)

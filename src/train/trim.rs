@@ -1,4 +1,4 @@
-//! Pruning by contribution: Gaussians that put next to nothing into the views are removed, the least first, as
+//! This module prunes by contribution: Gaussians that put next to nothing into the views are removed, the least first, as
 //! many as the tolerance allows.
 //!
 //! The cost of removing some is how far the PSNR of the held-out views or of the photographs falls, whichever falls
@@ -33,7 +33,7 @@ const MOST_HELD_OUT: usize = 12;
 const HIDDEN: f32 = -100.0;
 
 impl Trainer<'_> {
-    /// Whether a pruning follows after `done` iterations.
+    /// Says whether a pruning follows after `done` iterations.
     pub(super) fn trims(&self, done: u32) -> bool {
         let is_new = self.trims.last().is_none_or(|trim| trim.iteration < done);
         let is_due = self.settling.prunings().contains(&done);
@@ -94,7 +94,7 @@ impl Trainer<'_> {
         Ok(())
     }
 
-    /// What the pruning after `done` iterations may cost, dB: half of the tolerance, the last one all that is left of it.
+    /// Returns what the pruning after `done` iterations may cost, dB: half of the tolerance, the last one all that is left of it.
     fn allowance(&self, done: u32) -> f64 {
         let tolerance = self.config.need.tolerance_db;
         let spent: f64 = self.trims.iter().map(|trim| trim.cost_db.max(0.0)).sum();
@@ -105,7 +105,7 @@ impl Trainer<'_> {
         }
     }
 
-    /// How many Gaussians there are more than the file may have, with the SH degree that training has reached.
+    /// Returns how many Gaussians there are more than the file may have, with the SH degree that training has reached.
     fn surplus(&self, done: u32) -> usize {
         let degree = self.sh_degree(done.saturating_sub(1));
         let bytes = self.config.need.most_bytes();
@@ -129,7 +129,7 @@ impl Trainer<'_> {
         order
     }
 
-    /// What would be measured without the Gaussians `hidden`; `geometry` is the first plane of all.
+    /// Returns what would be measured without the Gaussians `hidden`; `geometry` is the first plane of all.
     fn without(
         &mut self,
         hidden: &[usize],
@@ -168,7 +168,7 @@ impl Trainer<'_> {
     }
 }
 
-/// How far the PSNR of the held-out views or that of the photographs has fallen, dB, whichever further; below 0 if both rose.
+/// Returns how far the PSNR of the held-out views or that of the photographs has fallen, dB, whichever further; below 0 if both rose.
 fn cost(before: &SignalPoint, after: &SignalPoint) -> f64 {
     let held_out = before.held_out - after.held_out;
     match (before.photographs, after.photographs) {
@@ -177,7 +177,7 @@ fn cost(before: &SignalPoint, after: &SignalPoint) -> f64 {
     }
 }
 
-/// The most of `n` that can go at a cost of at most `allowed`, where the cost rises with their number, by halving an interval;
+/// Returns the most of `n` that can go at a cost of at most `allowed`, where the cost rises with their number, by halving an interval;
 /// what is returned is 0 or has been tried.
 ///
 /// # Errors

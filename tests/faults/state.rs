@@ -1,40 +1,12 @@
 //! The state of a training in progress: whole, and every part of it needed.
 
-use gspotential::error::Result;
 use gspotential::pipeline::prepare;
 use gspotential::run::Seconds;
-use gspotential::train::LossSample;
-use gspotential::train::{Observer, State, Trained, Trainer};
+use gspotential::train::{State, Trainer};
 
 use super::job;
 use crate::gpu::rig::context;
-
-/// Keeps the state after some iterations.
-struct Keep {
-    at: u32,
-    kept: Option<(State, Vec<Vec<u8>>)>,
-}
-
-impl Observer for Keep {
-    fn look(&mut self, _: &LossSample, _: usize) {}
-
-    fn keeps(&self, done: u32) -> bool {
-        done == self.at
-    }
-
-    fn keep(
-        &mut self,
-        state: &State,
-        buffers: &mut dyn Iterator<Item = Result<Vec<u8>>>,
-    ) -> Result<()> {
-        self.kept = Some((state.clone(), buffers.collect::<Result<_>>()?));
-        Ok(())
-    }
-}
-
-fn same(one: &Trained, other: &Trained) -> bool {
-    one.gaussians == other.gaussians && one.samples == other.samples && one.plans == other.plans
-}
+use crate::kit::keep::{Keep, same};
 
 #[test]
 fn a_state_goes_on_as_the_run_it_is_of_and_no_part_of_it_is_idle() {
@@ -47,7 +19,7 @@ fn a_state_goes_on_as_the_run_it_is_of_and_no_part_of_it_is_idle() {
         Trainer::new(&ctx.gpu, &ctx.kernels, start, supervision, &job.config).expect("fits")
     };
     let run = |mut trainer: Trainer<'_>, at: u32| {
-        let mut keep = Keep { at, kept: None };
+        let mut keep = Keep::at(at);
         (trainer.run(&mut keep).expect("trains"), keep.kept)
     };
     let resumed = |(state, buffers): (State, Vec<Vec<u8>>)| {

@@ -107,7 +107,7 @@ fn lpips_measures(
     kinds.iter().map(measure).collect()
 }
 
-/// The first cells of row `i` of a scene, which is named once.
+/// Returns the first cells of row `i` of a scene, which is named once.
 fn head(i: usize, scene: &str, method: &str) -> [Cell; 2] {
     let scene = if i == 0 { scene } else { "" };
     [scene.into(), method.into()]

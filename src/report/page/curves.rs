@@ -87,7 +87,7 @@ fn size(runs: &[Trained]) -> Plot {
     plot
 }
 
-/// PSNR of the test views beside that of the virtual views held out and, of one run, of the photographs.
+/// Draws PSNR of the test views beside that of the virtual views held out and, of one run, of the photographs.
 fn psnr(runs: &[Trained]) -> Plot {
     let mut plot = over_iterations("Views on the way", "PSNR (dB)");
     let alone = runs.len() == 1;
@@ -114,7 +114,7 @@ fn psnr(runs: &[Trained]) -> Plot {
     plot
 }
 
-/// A run's errors at the test views.
+/// Lists a run's errors at the test views.
 fn tested(run: &Trained, value: Measure) -> Vec<Point> {
     let point = |p: &CurvePoint| Some(Point::new(p.iteration.into(), value(p)?));
     run.metrics.curve.iter().filter_map(point).collect()
