@@ -278,6 +278,7 @@ fn metrics(pose_protocol: PoseProtocol) -> Metrics {
         curve: Vec::new(),
         signal: Vec::new(),
         trims: Vec::new(),
+        lowering: None,
         chosen: Vec::new(),
     }
 }

@@ -94,6 +94,7 @@ impl Made {
             curve: Vec::new(),
             signal: Vec::new(),
             trims: Vec::new(),
+            lowering: None,
             chosen: Vec::new(),
         }
     }

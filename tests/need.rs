@@ -14,7 +14,7 @@ use gspotential::run::Seconds;
 use gspotential::scene::builtin::{BuiltinOptions, scene};
 use gspotential::scene::{Image, Scene};
 use gspotential::train::length::Settling;
-use gspotential::train::trim::most;
+use gspotential::train::trim::{cost, most};
 use gspotential::train::{SignalPoint, Trained, Trainer, TrainingView};
 
 use crate::gpu::rig::context;
@@ -217,6 +217,31 @@ fn the_most_that_can_go_is_found_and_never_costs_more_than_is_allowed() {
     assert_eq!(most(500, 1.0, |_| Ok(f64::NAN)).expect("nothing fails"), 0);
 }
 
+#[test]
+fn what_photographs_lose_counts_as_if_the_held_out_views_had_lost_it() {
+    let point = |held_out: f64, photographs: f64| SignalPoint {
+        iteration: 100,
+        n_gaussians: 10,
+        held_out,
+        photographs: Some(photographs),
+    };
+    let before = point(20.0, 40.0);
+    // An error of 1e-4 doubles: beside 1e-2 that is a hundredth, 0.0432 dB.
+    let halved = cost(&before, &point(20.0, 40.0 - 10.0 * 2.0_f64.log10()));
+    assert!((halved - 10.0 * 1.01_f64.log10()).abs() < 1e-9, "{halved}");
+    // The held-out views' own fall counts where it is greater.
+    let fallen = cost(&before, &point(19.9, 39.9));
+    assert!((fallen - 0.1).abs() < 1e-9, "{fallen}");
+    // Both rise: less than nothing, by the one that rises less.
+    let risen = cost(&before, &point(20.1, 40.1));
+    assert!(risen < 0.0 && risen > -0.01, "{risen}");
+    let without = SignalPoint {
+        photographs: None,
+        ..point(19.9, 0.0)
+    };
+    assert!((cost(&before, &without) - 0.1).abs() < 1e-9);
+}
+
 fn signal(points: &[(u32, f64)]) -> Vec<SignalPoint> {
     let point = |&(iteration, held_out): &(u32, f64)| SignalPoint {
         iteration,
@@ -321,7 +346,19 @@ fn what_is_chosen_is_chosen_again_from_any_state() {
     let last = whole.signal.last().expect("measured");
     let (near, held_out) = (prepared.supervision.near, &prepared.supervision.held_out);
     let psnr = visible_psnr(&ctx, &whole.gaussians, near, held_out);
-    assert!((psnr - last.held_out).abs() < 1e-9);
+    // But for SH degrees that were lowered after it.
+    let lowering = whole.lowering.expect("degrees to lower");
+    assert!((lowering.allowed_db - (0.5 - spent)).abs() < 1e-12);
+    assert!(lowering.cost_db <= lowering.allowed_db, "{lowering:?}");
+    assert!(
+        last.held_out - psnr <= lowering.cost_db + 1e-9,
+        "{lowering:?}"
+    );
+    let has_first = |sh: &&[f32]| sh[3..].iter().any(|c| *c != 0.0);
+    let n_first = whole.gaussians.sh.chunks(12).filter(has_first).count();
+    let n_zero = whole.gaussians.len() - n_first;
+    assert_eq!(lowering.of_degree, [n_zero, n_first, 0, 0]);
+    assert!(n_zero > n_shell + 50 && n_first > 20, "{lowering:?}");
     // Before, at and after each decision.
     for at in [7, 39, 40, 41, 45, 47, 50] {
         let (other, kept) = run(trainer(), at);

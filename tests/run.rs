@@ -313,6 +313,7 @@ fn metrics_read_back_and_keep_what_may_vary_apart() {
             cost_db: -0.01,
             contribution: 0.125,
         }],
+        lowering: None,
         chosen: vec!["3 Gaussians of 4".into()],
     };
     run.write_metrics(&metrics).unwrap();

@@ -22,7 +22,7 @@ section! {
         settle_share: f64 = 0.0, from_below(0.0, 1.0);
         /// Prunes the Gaussians that contribute least, when the learning rates begin to fall and once more half-way.
         prune: bool = false, any();
-        /// What pruning may cost in all, dB of the held-out views or of the photographs.
+        /// What pruning may cost in all, dB of the held-out views; a rise of the photographs' error counts as one of theirs.
         tolerance_db: f64 = 0.05, at_least(0.0);
         /// The trained file takes at most this, MB of 10^6 bytes: Gaussians that contribute least go with that
         /// pruning until it does, whatever they cost; null: whatever there is.

@@ -1,13 +1,12 @@
 //! This module says in words what a run has chosen for its scene, and why.
 
 use crate::config::Config;
-use crate::gaussians::Gaussians;
 use crate::train::length::Settling;
-use crate::train::{SignalPoint, Trim};
+use crate::train::schedule::sh_degree;
+use crate::train::{Lowering, SignalPoint, Trim};
 
 /// Writes a sentence for everything that was chosen; none where all was stated.
 pub(super) fn chosen(
-    trained: &Gaussians,
     iterations: u32,
     signal: &[SignalPoint],
     trims: &[Trim],
@@ -17,7 +16,8 @@ pub(super) fn chosen(
     let mut sentences = Vec::new();
     if need.ends {
         sentences.push(length(iterations, signal, config));
-        let degree = trained.clone().without_empty_degrees().sh_degree;
+        let Settling { from, .. } = Settling::of(config, signal);
+        let degree = sh_degree(config, iterations.saturating_sub(1).min(from));
         if degree < config.model.sh_degree {
             sentences.push(format!(
                 "SH degree {degree} of {}: one more begins every {} iterations (model.sh_interval) until \
@@ -40,6 +40,20 @@ pub(super) fn chosen(
         ));
     }
     sentences
+}
+
+/// Writes the sentence for SH degrees that were lowered.
+pub(super) fn lowered(lowering: &Lowering) -> String {
+    let Lowering {
+        of_degree,
+        allowed_db,
+        cost_db,
+    } = lowering;
+    let [zero, one, two, three] = of_degree;
+    format!(
+        "SH degrees: {zero} Gaussians have 0, {one} have 1, {two} have 2, {three} have 3; what showed least went at a cost of \
+         {cost_db:.3} dB, where {allowed_db:.3} were allowed"
+    )
 }
 
 fn length(iterations: u32, signal: &[SignalPoint], config: &Config) -> String {

@@ -5,7 +5,7 @@ use std::time::Instant;
 use glam::DVec3;
 
 use super::calibrate::{calibrated, within_time};
-use super::chosen::chosen;
+use super::chosen::{chosen, lowered};
 use super::job::record;
 use super::keep::{Identity, Keeper, Log};
 use super::measure::{Clouds, Seen, Subject, measure};
@@ -184,9 +184,11 @@ impl Task<'_> {
             plans,
             signal,
             trims,
+            lowering,
             iterations,
         } = trained;
-        let chosen = chosen(&gaussians, iterations, &signal, &trims, &self.config);
+        let mut chosen = chosen(iterations, &signal, &trims, &self.config);
+        chosen.extend(lowering.as_ref().map(lowered));
         for sentence in &chosen {
             log::info!("{sentence}");
         }
@@ -249,6 +251,7 @@ impl Task<'_> {
             curve,
             signal,
             trims,
+            lowering,
             chosen,
         })?;
         clock.lap();

@@ -95,11 +95,17 @@ impl Model {
             geometry[2 * stride + i] = gaussians.rotations_wxyz[i];
         }
         model.blocks[0].write(gpu, &geometry);
+        model.write_sh(gpu, gaussians);
+        Ok(model)
+    }
 
+    /// Writes the SH coefficients of Gaussians, of which there are as many and of the same degree.
+    pub fn write_sh(&self, gpu: &Gpu, gaussians: &Gaussians) {
+        let (n, stride) = (gaussians.len(), self.stride);
         let n_sh = n_floats(gaussians.sh_degree);
         let mut first = 0;
         let n_blocks_sh = n_blocks(gaussians.sh_degree);
-        for (buffer, n_planes) in model
+        for (buffer, n_planes) in self
             .blocks
             .iter()
             .zip(BLOCK_PLANES)
@@ -116,7 +122,6 @@ impl Model {
             buffer.write(gpu, &planes);
             first += 4 * n_planes;
         }
-        Ok(model)
     }
 
     /// Reads the means back, in the frame that they were uploaded in.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::RasterizerChoice;
 use crate::scene::PoseProtocol;
-use crate::train::{LossSample, PlanCounts, SignalPoint, Trim};
+use crate::train::{LossSample, Lowering, PlanCounts, SignalPoint, Trim};
 
 /// The record of a training run, `metrics.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -46,6 +46,9 @@ pub struct Metrics {
     /// Prunings by contribution.
     #[serde(default)]
     pub trims: Vec<Trim>,
+    /// How SH degrees were lowered after training; null where none was to be.
+    #[serde(default)]
+    pub lowering: Option<Lowering>,
     /// What the run chose for its scene and why, a sentence each; empty where all was stated.
     #[serde(default)]
     pub chosen: Vec<String>,

@@ -7,7 +7,7 @@
 //! is a background of Gaussians beyond the scene, [`pose_adam`] moves cameras, where they are
 //! refined, [`guide`] chooses whom dropout leaves out, and what the scene needs is
 //! decided by virtual views that nothing is learned from ([`SignalPoint`]): [`length`] says when training ends,
-//! [`trim`] which Gaussians it can do without.
+//! [`trim`] which Gaussians it can do without, `lower` which SH degrees.
 
 pub mod capacity;
 pub mod checkpoint;
@@ -16,6 +16,7 @@ mod dropout;
 mod goal;
 pub mod guide;
 pub mod length;
+mod lower;
 pub mod observer;
 pub mod optimizer;
 pub mod policy;
@@ -37,7 +38,9 @@ pub use checkpoint::fingerprint;
 pub use goal::Goal;
 pub use observer::Observer;
 pub use pose_adam::PoseAdam;
-pub use record::{ImageLoss, LossSample, PlanCounts, PlanRecord, SignalPoint, Trained, Trim};
+pub use record::{
+    ImageLoss, LossSample, Lowering, PlanCounts, PlanRecord, SignalPoint, Trained, Trim,
+};
 pub use refine::{RefinedPose, pose_rates};
 pub use shell::Shell;
 pub use state::State;

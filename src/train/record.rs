@@ -83,10 +83,21 @@ pub struct Trim {
     /// Gaussians that went beyond that, whatever they cost, for the file to have the size that it may.
     #[serde(default)]
     pub over_budget: usize,
-    /// By how much the PSNR of the held-out views or of the photographs fell, the greater of both; below 0 if both rose.
+    /// By how much the PSNR of the held-out views fell, or would have had their error risen as the photographs' did; below 0 if it rose.
     pub cost_db: f64,
     /// Share of all that Gaussians contribute to the views that went with them.
     pub contribution: f64,
+}
+
+/// SH degrees of the Gaussians as they were lowered after training.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Lowering {
+    /// Gaussians of degree 0, 1, 2 and 3 after it.
+    pub of_degree: [usize; 4],
+    /// What it was allowed to cost, dB.
+    pub allowed_db: f64,
+    /// What it cost at once, dB, as prunings are measured.
+    pub cost_db: f64,
 }
 
 /// The outcome of a training run.
@@ -104,6 +115,8 @@ pub struct Trained {
     pub signal: Vec<SignalPoint>,
     /// Prunings by contribution, in order.
     pub trims: Vec<Trim>,
+    /// How far SH degrees were lowered; `None` where none was to be.
+    pub lowering: Option<Lowering>,
     /// Number of iterations that it took.
     pub iterations: u32,
 }

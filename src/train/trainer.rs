@@ -225,8 +225,10 @@ impl<'a> Trainer<'a> {
                 observer.keep(&self.state(), &mut self.buffers())?;
             }
         }
+        let lowering = self.lower(done)?;
         self.gpu.wait()?;
         Ok(Trained {
+            lowering,
             gaussians: self.optimizer.model.download(self.gpu)?,
             cameras: self.cameras(),
             samples: std::mem::take(&mut self.samples),

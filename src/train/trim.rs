@@ -1,9 +1,10 @@
 //! This module prunes by contribution: Gaussians that put next to nothing into the views are removed, the least first, as
 //! many as the tolerance allows.
 //!
-//! The cost of removing some is how far the PSNR of the held-out views or of the photographs falls, whichever falls
-//! further, measured at once, with the opacity of those that would go set to nothing. The number is found by
-//! halving an interval. It happens when training begins to settle and once more half-way ([`Settling::prunings`]): what is
+//! The cost of removing some is how far the PSNR of the held-out views falls, measured at once, with the opacity of
+//! those that would go set to nothing. The photographs show detail that splats lack, so that what they lose counts, too: their error
+//! rises by as much as if it had risen at the held-out views ([`cost`]). Their own PSNR would be no measure: they are learned by
+//! heart, far beyond what any other view is shown with. The number is found by halving an interval. It happens when training begins to settle and once more half-way ([`Settling::prunings`]): what is
 //! left of training has fewer Gaussians to render and makes good for the cost, which over both is at most the tolerance.
 //!
 //! [`Settling::prunings`]: super::length::Settling::prunings
@@ -23,11 +24,14 @@ const MOST_SHARE: f64 = 0.9;
 /// A pruning that would remove a smaller share does not pay and is left out.
 const LEAST_SHARE: f64 = 0.05;
 
+/// Share of what is left of the tolerance that the last pruning may take where SH degrees are lowered after it.
+const LAST_SHARE: f64 = 0.5;
+
 /// Halvings of the interval: the share is found to 3 %.
 const N_PROBES: u32 = 5;
 
 /// Most held-out views at which a cost is measured, evenly over all: before and after are measured at the same ones.
-const MOST_HELD_OUT: usize = 12;
+pub(super) const MOST_HELD_OUT: usize = 12;
 
 /// An opacity logit with which a Gaussian is not drawn.
 const HIDDEN: f32 = -100.0;
@@ -94,15 +98,23 @@ impl Trainer<'_> {
         Ok(())
     }
 
-    /// Returns what the pruning after `done` iterations may cost, dB: half of the tolerance, the last one all that is left of it.
+    /// Returns what the pruning after `done` iterations may cost, dB: half of the tolerance; the last one half of what is left if
+    /// SH degrees are lowered after it, else all.
     fn allowance(&self, done: u32) -> f64 {
-        let tolerance = self.config.need.tolerance_db;
-        let spent: f64 = self.trims.iter().map(|trim| trim.cost_db.max(0.0)).sum();
         let [first, last] = self.settling.prunings();
-        match done == first && first != last {
-            true => 0.5 * tolerance,
-            false => (tolerance - spent).max(0.0),
+        let is_first = done == first && first != last;
+        let lowers = self.config.model.sh_degree > 0;
+        match (is_first, lowers) {
+            (true, _) => 0.5 * self.config.need.tolerance_db,
+            (false, true) => LAST_SHARE * self.left_of_tolerance(),
+            (false, false) => self.left_of_tolerance(),
         }
+    }
+
+    /// Returns what prunings have left of the tolerance, dB.
+    pub(super) fn left_of_tolerance(&self) -> f64 {
+        let spent: f64 = self.trims.iter().map(|trim| trim.cost_db.max(0.0)).sum();
+        (self.config.need.tolerance_db - spent).max(0.0)
     }
 
     /// Returns how many Gaussians there are more than the file may have, with the SH degree that training has reached.
@@ -168,13 +180,24 @@ impl Trainer<'_> {
     }
 }
 
-/// Returns how far the PSNR of the held-out views or that of the photographs has fallen, dB, whichever further; below 0 if both rose.
-fn cost(before: &SignalPoint, after: &SignalPoint) -> f64 {
+/// Returns the cost of a change, dB: how far the PSNR of the held-out views has fallen, or how far it would have fallen had their
+/// error risen as the photographs' has, whichever further; below 0 if both errors fell.
+pub fn cost(before: &SignalPoint, after: &SignalPoint) -> f64 {
     let held_out = before.held_out - after.held_out;
     match (before.photographs, after.photographs) {
-        (Some(before), Some(after)) => held_out.max(before - after),
+        (Some(sharp), Some(blurred)) => {
+            let risen = squared_error(blurred) - squared_error(sharp);
+            let share = 1.0 + risen / squared_error(before.held_out);
+            // It is below 0 where the photographs were far worse than the held-out views and no longer are.
+            held_out.max(10.0 * share.max(f64::MIN_POSITIVE).log10())
+        }
         _ => held_out,
     }
+}
+
+/// Returns the mean squared error of a PSNR in dB, of values in `[0, 1]`.
+fn squared_error(psnr: f64) -> f64 {
+    10_f64.powf(-psnr / 10.0)
 }
 
 /// Returns the most of `n` that can go at a cost of at most `allowed`, where the cost rises with their number, by halving an interval;

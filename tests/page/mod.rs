@@ -151,6 +151,7 @@ fn metrics(name: &str) -> Metrics {
         curve: vec![curve(10, 11.0), curve(20, 12.34)],
         signal: Vec::new(),
         trims: Vec::new(),
+        lowering: None,
         chosen: vec!["1,000 iterations: enough & no more".into()],
     }
 }
