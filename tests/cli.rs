@@ -279,6 +279,7 @@ fn metrics(pose_protocol: PoseProtocol) -> Metrics {
         signal: Vec::new(),
         trims: Vec::new(),
         lowering: None,
+        energy_j: None,
         chosen: Vec::new(),
     }
 }

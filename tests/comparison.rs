@@ -95,6 +95,7 @@ impl Made {
             signal: Vec::new(),
             trims: Vec::new(),
             lowering: None,
+            energy_j: None,
             chosen: Vec::new(),
         }
     }

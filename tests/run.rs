@@ -5,8 +5,8 @@ use std::fs;
 use gspotential::config::Config;
 use gspotential::metrics::{CoveredScore, MaskedScore, ViewScore};
 use gspotential::run::{
-    CurvePoint, Evaluation, Memory, Metrics, ModelSize, RunDir, SceneRecord, Seconds, file_names,
-    peak_host_bytes,
+    CurvePoint, EnergyMeter, Evaluation, Memory, Metrics, ModelSize, RunDir, SceneRecord, Seconds,
+    file_names, peak_host_bytes,
 };
 use gspotential::scene::PoseProtocol;
 use gspotential::train::{ImageLoss, LossSample, SignalPoint, Trim};
@@ -314,6 +314,7 @@ fn metrics_read_back_and_keep_what_may_vary_apart() {
             contribution: 0.125,
         }],
         lowering: None,
+        energy_j: None,
         chosen: vec!["3 Gaussians of 4".into()],
     };
     run.write_metrics(&metrics).unwrap();
@@ -376,4 +377,34 @@ fn view_names_become_file_names_that_stay_in_their_folder_and_differ() {
         assert!(!name.contains(['/', '\\', ':', '\0', '\n']), "{name}");
         assert!(!name.starts_with('.'), "{name}");
     }
+}
+
+#[test]
+fn the_energy_of_all_packages_is_read_past_the_counters_end() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |path: &str, text: &str| {
+        let path = folder.path().join(path);
+        fs::create_dir_all(path.parent().expect("a folder")).expect("made");
+        fs::write(path, text).expect("written");
+    };
+    assert!(EnergyMeter::start(folder.path()).is_none());
+    assert!(EnergyMeter::start(&folder.path().join("none")).is_none());
+    for (zone, name) in [
+        ("rapl:0", "package-0"),
+        ("rapl:1", "package-1"),
+        ("rapl:0:0", "core"),
+    ] {
+        write(&format!("{zone}/name"), &format!("{name}\n"));
+        write(&format!("{zone}/energy_uj"), "9000000\n");
+        write(&format!("{zone}/max_energy_range_uj"), "10000000\n");
+    }
+    let meter = EnergyMeter::start(folder.path()).expect("two packages");
+    assert_eq!(meter.joules(), Some(0.0));
+    write("rapl:0/energy_uj", "9500000\n");
+    write("rapl:1/energy_uj", "250000\n");
+    // A part of a package is in the package.
+    write("rapl:0:0/energy_uj", "9999999\n");
+    assert_eq!(meter.joules(), Some(0.5 + 1.25));
+    write("rapl:1/energy_uj", "cut");
+    assert_eq!(meter.joules(), None);
 }

@@ -107,6 +107,9 @@ pub(super) struct Log {
     pub(super) curve: Vec<CurvePoint>,
     /// Time spent on the curve.
     pub(super) curve_s: f64,
+    /// Joules that processors took meanwhile; of no use in a run that is resumed.
+    #[serde(skip)]
+    pub(super) energy_j: Option<f64>,
 }
 
 /// Keeps a run's state: every so often, when a stop is asked for, and at the end, so that the

@@ -1,5 +1,6 @@
 //! This module trains a scene: the stages run in a row, timed, into a run directory.
 
+use std::path::Path;
 use std::time::Instant;
 
 use glam::DVec3;
@@ -23,8 +24,8 @@ use crate::gpu::{Gpu, Rasterizer};
 use crate::render::{Device, Kernels, Renderer, most_gaussians};
 use crate::report::write_run_page;
 use crate::run::{
-    Evaluation, JobRecord, Memory, Metrics, PoseChange, RunDir, RunProfile, SceneRecord, Seconds,
-    StepProfile, Stop, peak_host_bytes,
+    COUNTERS, EnergyMeter, Evaluation, JobRecord, Memory, Metrics, PoseChange, RunDir, RunProfile,
+    SceneRecord, Seconds, StepProfile, Stop, peak_host_bytes,
 };
 use crate::scene::{PointCloud, Scene};
 use crate::terminal::progress::Progress;
@@ -245,6 +246,7 @@ impl Task<'_> {
                 host_peak_bytes: peak_host_bytes(),
                 gpu_peak_bytes: Some(gpu.peak_bytes()),
             },
+            energy_j: log.energy_j,
             loss: samples,
             model_size: model_sizes(prepared.start.len(), &plans),
             refined_poses,
@@ -334,8 +336,11 @@ impl Task<'_> {
             iterations: config.iterations,
         };
         let gentle = stop.gentle();
+        // A run that goes on has taken more than this process sees.
+        let meter = EnergyMeter::start(Path::new(COUNTERS)).filter(|_| done == 0);
         let trained = trainer.run(&mut watch);
         drop(gentle);
+        watch.log.energy_j = meter.and_then(|meter| meter.joules());
         watch.log.train_s = watch.train_s();
         watch.progress.finish();
         let trained = trained?;

@@ -15,6 +15,7 @@
 //! ```
 
 mod checkpoints;
+mod energy;
 mod evaluation;
 mod lock;
 mod names;
@@ -23,6 +24,7 @@ mod record;
 mod stop;
 
 pub use checkpoints::{Checkpoints, Found};
+pub use energy::{COUNTERS, EnergyMeter};
 pub use evaluation::{Evaluation, Measured};
 pub use names::file_names;
 pub use profile::{KernelProfile, RunProfile, Sample, StepProfile};

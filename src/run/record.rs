@@ -30,6 +30,10 @@ pub struct Metrics {
     pub seconds: Seconds,
     /// Peak memory of the process and of the GPU.
     pub memory: Memory,
+    /// Joules that the machine's processors took while it trained; null where the machine does not tell, and in a run
+    /// that was resumed.
+    #[serde(default)]
+    pub energy_j: Option<f64>,
     /// Losses on the way, in the order of iterations.
     pub loss: Vec<LossSample>,
     /// Numbers of Gaussians: at the start, and after every densification or pruning step.

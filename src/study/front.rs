@@ -15,7 +15,7 @@ struct Measure {
     of: fn(&Finished) -> Option<f64>,
 }
 
-const COSTS: [Measure; 2] = [
+const COSTS: [Measure; 3] = [
     Measure {
         key: "mb",
         label: "file, MB",
@@ -25,6 +25,11 @@ const COSTS: [Measure; 2] = [
         key: "s",
         label: "training, s",
         of: |run| run.metrics.seconds.train,
+    },
+    Measure {
+        key: "j",
+        label: "training, J",
+        of: |run| run.metrics.energy_j,
     },
 ];
 

@@ -93,7 +93,7 @@ const SIZE: &str = "gspotential-size-";
 /// Begins the names of variants in which two things are reduced.
 const TWO: &str = "gspotential-two-";
 
-const COLUMNS: [Column; 12] = [
+const COLUMNS: [Column; 13] = [
     SCENE,
     Column::text("factor", "what"),
     Column::text("value", "how much"),
@@ -104,6 +104,7 @@ const COLUMNS: [Column; 12] = [
     Column::quantity("gain", "against all, dB"),
     Column::figure("n_gaussians", "Gaussians", 0),
     Column::figure("train_s", "training s", 1),
+    Column::figure("energy_j", "training J", 0),
     Column::figure("gpu_peak_mb", "GPU MB", 1),
     Column::figure("file_mb", "file MB", 1),
 ];
@@ -289,6 +290,7 @@ fn row(scope: &Scope, variant: &str, [what, value]: [Cell; 2]) -> Vec<Cell> {
     cells.push(gained.into());
     cells.push(figure(&|run| Some(run.evaluation.n_gaussians as f64)));
     cells.push(figure(&|run| run.metrics.seconds.train));
+    cells.push(figure(&|run| run.metrics.energy_j));
     cells.push(figure(&|run| {
         Some(run.metrics.memory.gpu_peak_bytes? as f64 / 1e6)
     }));

@@ -152,6 +152,7 @@ fn metrics(name: &str) -> Metrics {
         signal: Vec::new(),
         trims: Vec::new(),
         lowering: None,
+        energy_j: None,
         chosen: vec!["1,000 iterations: enough & no more".into()],
     }
 }
