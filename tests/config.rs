@@ -69,7 +69,7 @@ fn the_reference_page_is_the_declaration() {
 fn the_reference_tells_values_units_words_ranges_and_the_papers_names() {
     let text = reference().unwrap();
     for line in [
-        "- `iterations` = 7000, 700 in `fast`, 1000 in `instantsplat`, 10000 in all others.",
+        "- `iterations` = 2000, 400 in `fast`, 1000 in `instantsplat`, 10000 in all others.",
         "### `views.visibility`",
         "`U_total`. Allowed: a finite number, 0 or more. Paper: lambda, Eq. 4.",
         "Choices: `pixel`, `disc`.",
@@ -105,19 +105,24 @@ fn own_preset_differs_from_the_paper_in_its_parts_alone() {
         "coverage.densify=false",
         "coverage.prune=false",
         "densify.enabled=false",
-        "iterations=7000",
+        "iterations=2000",
         "loss.fill_weight=0.3",
         "need.ends=true",
         "need.hold_out=8",
         "need.prune=true",
         "need.settle_share=0.2",
-        "optimizer.mean_lr_end=0.00016",
+        "optimizer.mean_lr_end=0.00064",
+        "optimizer.mean_lr_start=0.00064",
+        "optimizer.rotation_lr=0.01",
+        "optimizer.scale_lr=0.05",
+        "optimizer.sh_lr=0.01",
         "scene.pixels_a_point=4.0",
         "shell.count=500",
         "views.visibility.enabled=true",
         "views.visibility.mask_angle_deg=80.0",
         "views.visibility.min_share=0.1",
         "views.visibility.power=0.0",
+        "views.within_deg=10.0",
     ];
     assert_eq!(told("gspotential", "paper"), expected);
 }
@@ -125,13 +130,11 @@ fn own_preset_differs_from_the_paper_in_its_parts_alone() {
 #[test]
 fn the_fast_preset_is_the_default_one_with_less_to_do() {
     let expected = [
-        "iterations=700",
+        "iterations=400",
         "model.sh_degree=0",
         "need.ends=false",
         "need.hold_out=0",
         "need.prune=false",
-        "need.settle_share=0.0",
-        "optimizer.mean_lr_end=1.6e-6",
         "views.count=64",
     ];
     assert_eq!(told("fast", "gspotential"), expected);

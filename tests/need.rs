@@ -271,11 +271,14 @@ fn training_settles_when_the_last_third_has_brought_too_little() {
         (500, 13.8),
         (600, 14.0),
     ];
-    // 14.0 at 600 against 13.5 at 400; 14.05 at 700 against 13.7 at 467; 14.05 at 900 against 14.0 at 600.
+    // 14.0 at 600 against 13.5 at 400; 14.05 at 700 against 13.5; 14.05 at 800 against 13.8; at 900 against 14.0 at 600.
     assert_eq!(planned(&rising), (4000, 5000));
     let flat = [(700, 14.05), (800, 14.05), (900, 14.05)];
     let stopped = [&rising[..], &flat].concat();
     assert_eq!(planned(&stopped[..8]), (4000, 5000));
+    // A measurement that happens to be low ends nothing: the best counts.
+    let dip = [&rising[..], &[(700, 13.4)]].concat();
+    assert_eq!(planned(&dip), (4000, 5000));
     assert_eq!(planned(&stopped), (900, 1125));
     // What is measured later changes nothing, nor does a second measurement at one time.
     let later = [&stopped[..], &[(900, 10.0), (1000, 20.0), (1125, 30.0)]].concat();

@@ -147,6 +147,9 @@ section! {
         strategy: Strategy = Strategy::Potential, any().paper("Eq. 6");
         /// `epsilon` of the sampling weights `1 / (U_total + epsilon)` and `theta_min + epsilon`.
         epsilon: f64 = 1e-3, positive().paper("epsilon, Eq. 5");
+        /// As few are taken of the draw, `count` at most, as leave one candidate in twenty farther than this from all of them; null: `count`. It does not apply
+        /// to interpolation, and where cameras look outward.
+        within_deg: Option<f64> = None, positive().unit("degrees");
         /// The geometry-aware choice of virtual views.
         visibility: VisibilityConfig = VisibilityConfig::default(), any();
     }

@@ -7,6 +7,7 @@ use crate::train::{Lowering, SignalPoint, Trim};
 
 /// Writes a sentence for everything that was chosen; none where all was stated.
 pub(super) fn chosen(
+    n_virtual: usize,
     iterations: u32,
     signal: &[SignalPoint],
     trims: &[Trim],
@@ -14,6 +15,13 @@ pub(super) fn chosen(
 ) -> Vec<String> {
     let need = &config.need;
     let mut sentences = Vec::new();
+    let most = config.views.count;
+    if let Some(within) = config.views.within_deg.filter(|_| n_virtual < most) {
+        sentences.push(format!(
+            "{n_virtual} virtual views of {most}: nearly all directions that show what photographs see lie within {within} \
+             degrees of one (views.within_deg)"
+        ));
+    }
     if need.ends {
         sentences.push(length(iterations, signal, config));
         let Settling { from, .. } = Settling::of(config, signal);

@@ -102,7 +102,7 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
                 .to_owned(),
         );
     }
-    if virtual_views.len() < config.views.count {
+    if virtual_views.len() < config.views.count && config.views.within_deg.is_none() {
         warnings.push(format!(
             "{} virtual views instead of {} (views.count): no other candidate reaches \
              views.visibility.min_share, {}",

@@ -188,7 +188,13 @@ impl Task<'_> {
             lowering,
             iterations,
         } = trained;
-        let mut chosen = chosen(iterations, &signal, &trims, &self.config);
+        let mut chosen = chosen(
+            prepared.virtual_cameras.len(),
+            iterations,
+            &signal,
+            &trims,
+            &self.config,
+        );
         chosen.extend(lowering.as_ref().map(lowered));
         for sentence in &chosen {
             log::info!("{sentence}");

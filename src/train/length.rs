@@ -5,7 +5,7 @@
 //! schedule over a fixed number of iterations asks (Hägele et al. 2024, "Scaling Laws and Compute-Optimal Training Beyond
 //! Fixed Training Durations"), and stopping is not cutting a schedule off.
 //!
-//! The views have stopped rising when the last third of the iterations has brought less than
+//! The views have stopped rising when the last third of the iterations has raised the best of them by less than
 //! `need.least_gain_db`: half as many again would bring less still. All of it follows from the config and the
 //! measurements, so that a run that goes on from a checkpoint chooses as the one that was not interrupted.
 
@@ -61,21 +61,19 @@ impl Settling {
     }
 }
 
-/// Says whether the last third of the iterations has raised the held-out views by less than `least_gain_db`.
+/// Says whether the last third of the iterations has raised the best that was measured of the held-out views by less than
+/// `least_gain_db`. The best does not fall with a measurement that happens to be low, as the last may.
 fn has_stopped(signal: &[SignalPoint], least_gain_db: f64) -> bool {
     let Some(last) = signal.last() else {
         return false;
     };
-    let before = at(signal, 2.0 / 3.0 * f64::from(last.iteration));
-    before.is_some_and(|before| last.held_out - before < least_gain_db)
-}
-
-/// Returns the held-out views' PSNR after so many iterations, linear between measurements; `None` before the first.
-fn at(signal: &[SignalPoint], iteration: f64) -> Option<f64> {
-    let pairs = signal.windows(2).map(|pair| (&pair[0], &pair[1]));
-    let mut around = pairs.filter(|(a, b)| a.iteration < b.iteration);
-    let (a, b) = around
-        .find(|(a, b)| (f64::from(a.iteration)..=f64::from(b.iteration)).contains(&iteration))?;
-    let share = (iteration - f64::from(a.iteration)) / f64::from(b.iteration - a.iteration);
-    Some(a.held_out + share * (b.held_out - a.held_out))
+    let best = |within: f64| {
+        let until = signal.iter().filter(|p| f64::from(p.iteration) <= within);
+        until.map(|p| p.held_out).max_by(f64::total_cmp)
+    };
+    let whole = f64::from(last.iteration);
+    let gained = |before: f64| best(whole).map(|best| best - before);
+    best(2.0 / 3.0 * whole)
+        .and_then(gained)
+        .is_some_and(|gain| gain < least_gain_db)
 }

@@ -12,7 +12,7 @@ mod strategy;
 
 pub use draw::draw_without_replacement;
 pub use place::place;
-pub use strategy::{farthest_points, nearest_angle_weights, potential_weights};
+pub use strategy::{enough, farthest_points, nearest_angle_weights, potential_weights};
 
 use glam::DVec3;
 

@@ -13,6 +13,9 @@ use crate::field::{Field, Focus, angle, fibonacci_sphere};
 /// Directions whose angle has a smaller sine span no arc of their own.
 const MIN_ARC_SINE: f64 = 1e-6;
 
+/// One in so many candidates may lie farther from all chosen views than asked for: a random draw takes long to find the last.
+const LEFT_OUT: usize = 20;
+
 /// Chooses at most `config.views.count` viewpoints, in the order of the choice.
 pub(super) fn choose(
     train: &[Camera],
@@ -44,10 +47,25 @@ pub(super) fn choose(
             return interpolate(train, focus, field, views.count, config.seed);
         }
     };
-    Ok(chosen
-        .into_iter()
-        .map(|j| Viewpoint::on_sphere(candidates[j]))
-        .collect())
+    let mut directions: Vec<DVec3> = chosen.into_iter().map(|j| candidates[j]).collect();
+    if let Some(within_deg) = views.within_deg {
+        directions.truncate(enough(&directions, &candidates, within_deg.to_radians()));
+    }
+    Ok(directions.into_iter().map(Viewpoint::on_sphere).collect())
+}
+
+/// Returns how many of the `chosen` directions, the first ones, leave at most a twentieth of the candidates farther than `within` radians from
+/// all of them; all, where no number does.
+pub fn enough(chosen: &[DVec3], candidates: &[DVec3], within: f64) -> usize {
+    let most_left = candidates.len() / LEFT_OUT;
+    let mut far: Vec<DVec3> = candidates.to_vec();
+    for (i, direction) in chosen.iter().enumerate() {
+        far.retain(|candidate| angle(*candidate, *direction) > within);
+        if far.len() <= most_left {
+            return i + 1;
+        }
+    }
+    chosen.len()
 }
 
 /// Chooses at most `config.views.count` of the candidate views, drawn with equal weights but for

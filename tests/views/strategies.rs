@@ -7,7 +7,9 @@ use gspotential::camera::Camera;
 use gspotential::config::Config;
 use gspotential::error::ErrorKind;
 use gspotential::field::{Field, Focus, angle, fibonacci_sphere};
-use gspotential::views::{VirtualView, farthest_points, nearest_angle_weights, virtual_views};
+use gspotential::views::{
+    VirtualView, enough, farthest_points, nearest_angle_weights, virtual_views,
+};
 
 use super::{around, check_geometry};
 use crate::geometry::{camera, paper, ring};
@@ -293,4 +295,22 @@ fn few_candidates_give_few_views_and_none_is_an_error_with_the_best_share() {
     assert_eq!(views.len(), 1);
     let short = virtual_views(&train, &focus, &field, Some(&[1.0]), &config);
     assert!(short.unwrap_err().to_string().contains("1 visible shares"));
+}
+
+#[test]
+fn as_few_views_are_taken_as_leave_no_direction_far() {
+    let at = |degrees: f64| {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        DVec3::new(cos, sin, 0.0)
+    };
+    let candidates: Vec<DVec3> = (0..40).map(|i| at(f64::from(i))).collect();
+    let chosen = [5.0, 6.0, 20.0, 30.0, 38.0].map(at);
+    let enough = |within: f64| enough(&chosen, &candidates, within.to_radians());
+    // 5, 6, 20 and 30 leave 13 and 37 to 39; with 38 only 13 is left, and two may be.
+    assert_eq!(enough(6.1), 5);
+    // 5, 6, 20 and 30 leave 38 and 39.
+    assert_eq!(enough(7.1), 4);
+    assert_eq!(enough(40.0), 1);
+    // No number does: all.
+    assert_eq!(enough(0.1), 5);
 }
