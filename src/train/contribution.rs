@@ -11,10 +11,10 @@ use crate::gpu::constants::LEVEL_MAX;
 use crate::render::{ViewUniform, read_totals};
 
 /// Most virtual views that are looked at, evenly over all: each costs a forward and half a backward, and many show the same.
-const MOST_VIRTUAL: usize = 32;
+const MOST_VIRTUAL: usize = 16;
 
 impl Trainer<'_> {
-    /// Returns the contribution of every Gaussian after `done` iterations to the photographs and up to 32 virtual views.
+    /// Returns the contribution of every Gaussian after `done` iterations to the photographs and up to 16 virtual views.
     ///
     /// # Errors
     /// A view that the adapter cannot hold, or a GPU fault.

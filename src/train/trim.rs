@@ -27,11 +27,11 @@ const LEAST_SHARE: f64 = 0.05;
 /// Share of what is left of the tolerance that the last pruning may take where SH degrees are lowered after it.
 const LAST_SHARE: f64 = 0.5;
 
-/// Halvings of the interval: the share is found to 3 %.
-const N_PROBES: u32 = 5;
+/// Halvings of the interval: the share is found to 6 %.
+const N_PROBES: u32 = 4;
 
 /// Most held-out views at which a cost is measured, evenly over all: before and after are measured at the same ones.
-pub(super) const MOST_HELD_OUT: usize = 12;
+pub(super) const MOST_HELD_OUT: usize = 8;
 
 /// An opacity logit with which a Gaussian is not drawn.
 const HIDDEN: f32 = -100.0;
