@@ -106,13 +106,14 @@ impl Study for Ceiling {
 
 fn what_is_what() -> String {
     format!(
-        "The ceiling is no method: it has seen what it is measured at. Its settings are the \
-         default's, so it is what they can hold, not what any settings could. All errors are \
-         squared, of renders rounded to 8 bit, over all test views together. Covered pixels are those of \
-         the scene's own cloud, edges the {:.0} % of a photograph's pixels in which brightness is steepest. \
-         In the second table geometry is what the best colour within a window takes away, an upper \
-         bound, and colour the rest, a lower one; the share within reach of either is what the ceiling has less of it. \
-         What the ceiling has, too, is nobody's.",
+        "The ceiling is no method: it has seen what it is measured at. It has the default's \
+         settings and iterations, so it is what these can hold, not what any could. All errors \
+         are squared, of renders rounded to 8 bit, over all test views together. Covered pixels \
+         are those of the scene's own cloud, edges the {:.0} % of a photograph's pixels in which \
+         brightness is steepest. In the second table geometry is what the best colour within a \
+         window takes away, and colour the rest; within reach is what the ceiling has less of \
+         either (below 0: more), and nobody's what it has, too, all in shares of the default's \
+         error.",
         100.0 * (1.0 - EDGE_QUANTILE)
     )
 }
@@ -205,6 +206,12 @@ fn reach_row(errors: &SceneErrors, k: usize) -> [Cell; 6] {
     ]
 }
 
+/// Says how much less error there is, a percentage, in words that have no sign.
+fn less(percent: f64) -> String {
+    let which = if percent < 0.0 { "more" } else { "less" };
+    format!("{:.0} % {which}", percent.abs())
+}
+
 /// Says of a scene in words which share of the default's error is whose.
 fn conclusion(errors: &SceneErrors) -> Option<String> {
     let last = REACHES.len() - 1;
@@ -217,25 +224,24 @@ fn conclusion(errors: &SceneErrors) -> Option<String> {
         )
     } else {
         format!(
-            "{nobodys:.0} % of the default's squared error is nobody's, as the ceiling has it, too; {:.0} % is \
-             geometry at most ({:.0} % by the window of ±{} px, this by ±{} px), {:.0} % colour at \
-             least",
-            mean(last, |shares| shares.geometry)?,
-            mean(0, |shares| shares.geometry)?,
-            REACHES[0],
+            "{nobodys:.0} % of the default's squared error is nobody's, as the ceiling has it, \
+             too; it has {} geometry by the window of ±{} px ({} by ±{} px) and {} colour",
+            less(mean(last, |shares| shares.geometry)?),
             REACHES[last],
-            mean(last, |shares| shares.colour)?,
+            less(mean(0, |shares| shares.geometry)?),
+            REACHES[0],
+            less(mean(last, |shares| shares.colour)?),
         )
     };
     let default = errors.method(DEFAULT)?;
     let fit = default.figure(|views| share(views, |view| view.whole - view.remedied()[0]))?;
     let covered = default.figure(|views| share(views, |view| view.parts[0] + view.parts[1]))?;
     let cloud = clouds_percent(errors).map_or(String::new(), |figure| {
-        format!(", an exact cloud {:.0} %", figure.mean)
+        format!("; from an exact cloud there is {}", less(figure.mean))
     });
     Some(format!(
-        "{}: {whose}. Gain and offset of each test view would take away {:.0} %{cloud}; {:.0} % of the \
-         error lies where the cloud covers the view.",
+        "{}: {whose}. Gain and offset of each test view would take away {:.0} %{cloud}; {:.0} % \
+         of the error lies where the cloud covers the view.",
         errors.scene,
         100.0 * fit.mean,
         100.0 * covered.mean

@@ -11,9 +11,11 @@ use crate::report::stats::Figure;
 use crate::report::{Cell, Column, Table};
 
 /// What the remedies are, for the report's notes.
-pub(super) const REMEDY_NOTE: &str = "What a remedy takes away is no metric of a method, as it looks at \
-     the test photographs: a fit of a view's colours is by least squares over all its pixels and bounds what exposure \
-     and white balance cost, a window what misplacement costs. Remedies overlap; decibels are means over the test views.";
+pub(super) const REMEDY_NOTE: &str = "What a remedy takes away is no metric of a method, as it \
+     looks at the test photographs. A fit of a view's colours is by least squares over all its \
+     pixels: an upper bound of what exposure and white balance cost. A window is an upper bound of \
+     what misplacement by so many pixels costs, as among more colours some fits better by chance, \
+     too. Remedies overlap; decibels are means over the test views.";
 
 /// Bounds of the table's angles, degrees.
 const BOUNDS: [f64; 10] = [0.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 180.0];
