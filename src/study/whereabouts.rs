@@ -228,10 +228,14 @@ fn point(x: f64, figure: Figure) -> Point {
 /// Draws the error of each part, in shares of what the base has in all.
 fn where_plot(errors: &SceneErrors, base: &str) -> Plot {
     let title = format!("{}: where the squared error lies", errors.scene);
-    let parts = PARTS.map(str::to_owned).to_vec();
+    // The parts' names are too long for an axis.
+    let numbers = (1..=PARTS.len()).map(|number| number.to_string()).collect();
     let mut plot = Plot::new(
         &title,
-        Axis::categories("pixels", parts),
+        Axis::categories(
+            "1, 2: covered, edges and elsewhere; 3, 4: not covered, edges and elsewhere",
+            numbers,
+        ),
         Axis::linear("squared error, % of the default's whole"),
     );
     for method in &errors.methods {
