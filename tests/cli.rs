@@ -264,6 +264,7 @@ fn metrics(pose_protocol: PoseProtocol) -> Metrics {
             name: "builtin".into(),
             train_views: Vec::new(),
             test_views: Vec::new(),
+            n_test_trained: 0,
             n_points: 0,
             cloud_crc32: None,
             thumbnails: None,

@@ -75,6 +75,7 @@ impl Made {
                 name: self.scene.into(),
                 train_views: self.train_views.iter().map(|&v| v.into()).collect(),
                 test_views: vec!["t".into(), "u".into()],
+                n_test_trained: 0,
                 n_points: 3,
                 cloud_crc32: None,
                 thumbnails: None,

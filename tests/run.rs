@@ -262,6 +262,7 @@ fn metrics_read_back_and_keep_what_may_vary_apart() {
             name: "builtin".into(),
             train_views: vec!["a".into()],
             test_views: vec!["b".into()],
+            n_test_trained: 0,
             n_points: 3,
             cloud_crc32: None,
             thumbnails: None,

@@ -110,7 +110,8 @@ pub(crate) struct TrainArgs {
     test_views: Option<Vec<String>>,
 
     /// Another cloud than the scene's own: a file in the scene folder or elsewhere, `random`
-    /// points, or `views:N` for one of the first N views (of the built-in scene, or as `scene` makes them)
+    /// points, `views:N` for one of the first N views (of the built-in scene, or as `scene` makes them), or
+    /// `exact` for the built-in scene's without errors
     #[arg(long, value_name = "FILE")]
     cloud: Option<CloudSource>,
 

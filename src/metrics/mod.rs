@@ -5,6 +5,7 @@
 //! alone; each says what it takes from beyond them. Sums run in a fixed order, so results do not
 //! depend on the number of threads.
 
+pub mod errors;
 pub mod lpips;
 mod psnr;
 mod scores;

@@ -19,6 +19,8 @@ pub struct TrainJob {
     pub train_views: Option<Vec<String>>,
     /// Names of the views; `None`: the scene's own split.
     pub test_views: Option<Vec<String>>,
+    /// Whether a view may be named in both lists, which a study of what is left to gain asks for.
+    pub overlap: bool,
     /// The cloud to take; `None`: the scene's own.
     pub cloud: Option<CloudSource>,
     /// The resolved config.
@@ -43,6 +45,7 @@ impl TrainJob {
             source: source.resolved()?.at_most(max_px),
             train_views: None,
             test_views: None,
+            overlap: false,
             cloud: None,
             config,
             eval_every: None,
@@ -59,6 +62,7 @@ impl TrainJob {
         Ok(TrainJob {
             train_views: Some(record.train_views.clone()),
             test_views: Some(record.test_views.clone()),
+            overlap: record.n_test_trained > 0,
             cloud: cloud_of(record)?,
             ..Self::new(record.source.parse()?, config)?
         })
@@ -81,6 +85,7 @@ impl TrainJob {
         let options = LoadOptions {
             train_views: self.train_views.clone(),
             test_views: self.test_views.clone(),
+            overlap: self.overlap,
             cloud: self.cloud.clone(),
             ..LoadOptions::new(&self.config)
         };
@@ -111,6 +116,7 @@ pub(super) fn record(scene: &Scene, job: &TrainJob) -> SceneRecord {
         name: scene.name.clone(),
         train_views: names(&scene.train),
         test_views: names(&scene.test),
+        n_test_trained: scene.n_test_trained(),
         n_points: scene.cloud.len(),
         cloud_crc32: Some(scene.cloud.crc32()),
         thumbnails: Some(

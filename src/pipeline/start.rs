@@ -126,6 +126,14 @@ fn announced(scene: Scene, job: &TrainJob) -> Result<Scene> {
             dir.display()
         );
     }
+    let n_trained = scene.n_test_trained();
+    if n_trained > 0 {
+        log::warn!(
+            "{n_trained} of {} test views are trained on: errors at them say what the model can \
+             hold, not what it can tell of places that it has not seen",
+            scene.test.len()
+        );
+    }
     for warning in &scene.warnings {
         log::warn!("{warning}");
     }

@@ -98,6 +98,10 @@ pub struct SceneRecord {
     pub train_views: Vec<String>,
     /// Names of the test views, in the scene's order.
     pub test_views: Vec<String>,
+    /// Number of test views that were trained on, too: more than 0 only where a study asked for it,
+    /// and no figure at them tells of places that were not seen.
+    #[serde(default)]
+    pub n_test_trained: usize,
     /// Points in the cloud as loaded.
     pub n_points: usize,
     /// Checksum of their places, colours and confidences; null in files of older versions.

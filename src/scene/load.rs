@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use super::builtin::{self, BuiltinOptions};
+use super::builtin::{self, BuiltinOptions, Imperfections};
 use super::cloud::{clean, random_like, read_cloud};
 use super::cut_out::keep_within_masks;
 use super::decoded::{decode_all, views};
@@ -34,6 +34,11 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
         return Err(Error::new("no such scene folder")
             .at_path(dir)
             .way_out("give a folder with `images/` and a COLMAP model"));
+    }
+    if options.cloud == Some(CloudSource::Exact) {
+        return Err(Error::usage("only the built-in scene has an exact cloud")
+            .at_path(dir)
+            .way_out("name a file with --cloud, or leave it out for the scene's own"));
     }
     let layout = formats::read(dir, options)?;
     let cloud_path = match &options.cloud {
@@ -175,6 +180,10 @@ pub fn load_builtin(width: u32, options: &LoadOptions) -> Result<Scene> {
             Some(CloudSource::Views(n)) => n,
             _ => BuiltinOptions::default().cloud_views,
         },
+        imperfections: match options.cloud {
+            Some(CloudSource::Exact) => Imperfections::NONE,
+            _ => Imperfections::default(),
+        },
         ..BuiltinOptions::default()
     });
     match &options.cloud {
@@ -190,7 +199,7 @@ pub fn load_builtin(width: u32, options: &LoadOptions) -> Result<Scene> {
             scene.cloud = cloud;
         }
         Some(CloudSource::Random) => scene.cloud = random_like(&scene.cloud, options.seed),
-        Some(CloudSource::Views(_)) | None => {}
+        Some(CloudSource::Views(_) | CloudSource::Exact) | None => {}
     }
     regroup(&mut scene, options)?;
     Ok(scene)

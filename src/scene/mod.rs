@@ -68,6 +68,15 @@ pub struct Scene {
     pub warnings: Vec<String>,
 }
 
+impl Scene {
+    /// Returns how many test views are training views, too: none, unless that was asked for.
+    pub fn n_test_trained(&self) -> usize {
+        let is_trained = |name: &str| self.train.iter().any(|view| view.camera.name == name);
+        let test = self.test.iter();
+        test.filter(|view| is_trained(&view.camera.name)).count()
+    }
+}
+
 /// One photograph and its camera.
 #[derive(Clone, Debug)]
 pub struct View {
@@ -224,6 +233,9 @@ pub struct LoadOptions {
     pub train_views: Option<Vec<String>>,
     /// Names of the test views; otherwise `split.json`, otherwise `n_test` uniformly.
     pub test_views: Option<Vec<String>>,
+    /// Whether a view may be named in both lists. Errors at it say what a model can hold, not what
+    /// it can tell of places that it has not seen.
+    pub overlap: bool,
     /// The cloud to take; `None`: the scene's own.
     pub cloud: Option<CloudSource>,
     /// Whether a scene without a usable point is refused; a cloud that is there must be readable.
@@ -248,6 +260,7 @@ impl LoadOptions {
             max_size: config.scene.max_size_px,
             train_views: None,
             test_views: None,
+            overlap: false,
             cloud: None,
             needs_cloud: true,
             n_train: config.scene.n_train,

@@ -100,7 +100,8 @@ impl fmt::Display for SceneSource {
     }
 }
 
-/// The source of a cloud other than the scene's own. A file named `random` is `./random`.
+/// The source of a cloud other than the scene's own. A file named `random` is `./random`, and
+/// so is one named `exact`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CloudSource {
     /// A file that [`super::read_cloud`] reads.
@@ -112,6 +113,9 @@ pub enum CloudSource {
     /// Random points and colours, as many as the scene's own cloud has
     /// ([`super::random_like`]).
     Random,
+    /// The built-in scene's cloud without its errors: every pixel of the training views at its true
+    /// place. Folders have none.
+    Exact,
 }
 
 impl CloudSource {
@@ -161,6 +165,9 @@ impl FromStr for CloudSource {
         if text == "random" {
             return Ok(CloudSource::Random);
         }
+        if text == "exact" {
+            return Ok(CloudSource::Exact);
+        }
         let Some(n) = text.strip_prefix("views:") else {
             return Ok(CloudSource::File(PathBuf::from(text)));
         };
@@ -181,6 +188,7 @@ impl fmt::Display for CloudSource {
             CloudSource::File(path) => write!(f, "{}", path.display()),
             CloudSource::Views(n) => write!(f, "views:{n}"),
             CloudSource::Random => f.write_str("random"),
+            CloudSource::Exact => f.write_str("exact"),
         }
     }
 }

@@ -40,7 +40,7 @@ struct SplitFile {
 /// # Errors
 ///
 /// No training view; a view named for training or in the options that is unknown, without pose
-/// or image, or listed twice; views in both lists; a `split.json` that is none. Test views of
+/// or image, or listed twice; views in both lists, unless the options allow it; a `split.json` that is none. Test views of
 /// the file that cannot be used are counted in `warnings`.
 pub(super) fn choose(
     dir: &Path,
@@ -88,7 +88,8 @@ pub(super) fn choose(
         (Some(names), _) => {
             let names = joined(names, |name| matched.knows(name));
             let test = named_views(&names, "test", matched, Error::usage)?;
-            if let Some(&i) = test.iter().find(|i| train.contains(i)) {
+            let both = test.iter().find(|i| train.contains(i));
+            if let (Some(&i), false) = (both, options.overlap) {
                 return Err(in_both(&matched.views[i].posed.camera.name));
             }
             test
@@ -198,7 +199,8 @@ pub(super) fn regroup(scene: &mut Scene, options: &LoadOptions) -> Result<()> {
     let trained = |name: &str| scene.train.iter().any(|view| view.camera.name == name);
     match &options.test_views {
         Some(names) => {
-            if let Some(name) = names.iter().find(|name| trained(name)) {
+            let both = names.iter().find(|name| trained(name));
+            if let (Some(name), false) = (both, options.overlap) {
                 return Err(in_both(name));
             }
             scene.test = find(names, "test")?;

@@ -4,7 +4,9 @@
 //! A run that is done already, with the same config and scene, is not trained again.
 
 mod ablation;
+mod ceiling;
 mod cloud;
+mod errors;
 mod front;
 mod kernel;
 mod need;
@@ -21,6 +23,7 @@ mod runs;
 mod sampling;
 mod viewpoints;
 mod views;
+mod whereabouts;
 
 pub use front::{Place, below, front};
 pub use plan::Options;
@@ -61,6 +64,9 @@ pub enum StudyName {
     Presets,
     /// What quality costs: SH degree, Gaussians, virtual views, iterations, resolution
     Need,
+    /// What is left to gain beside training on all photographs and from an exact cloud, and where
+    /// the error lies
+    Ceiling,
 }
 
 impl StudyName {
@@ -78,6 +84,7 @@ impl StudyName {
             StudyName::Parts => "parts",
             StudyName::Presets => "presets",
             StudyName::Need => "need",
+            StudyName::Ceiling => "ceiling",
         }
     }
 
@@ -94,6 +101,7 @@ impl StudyName {
             StudyName::Parts => &parts::Parts,
             StudyName::Presets => &presets::Presets,
             StudyName::Need => &need::Need,
+            StudyName::Ceiling => &ceiling::Ceiling,
         }
     }
 }

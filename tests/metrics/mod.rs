@@ -1,5 +1,6 @@
 //! PSNR and SSIM against a brute-force implementation and values worked out by hand.
 
+mod errors;
 mod lpips;
 pub(crate) mod lpips_reference;
 

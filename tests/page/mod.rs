@@ -132,6 +132,7 @@ fn metrics(name: &str) -> Metrics {
             name: name.to_owned(),
             train_views: vec!["a.png".to_owned(), "b.png".to_owned()],
             test_views: vec![name.to_owned()],
+            n_test_trained: 0,
             cloud: None,
             n_points: 1,
             cloud_crc32: None,

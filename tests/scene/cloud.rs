@@ -3,6 +3,7 @@
 use super::build::{Folder, GOOD_PLY, fails_with, images_txt, options, ply_with_rows, warns};
 use glam::DVec3;
 use gspotential::error::ErrorKind;
+use gspotential::scene::builtin::surface_distance;
 use gspotential::scene::{
     CloudSource, LoadOptions, PointCloud, Scene, SceneSource, load_builtin, n_cloud_views,
     random_like, read_cloud, thin, write_cloud,
@@ -445,6 +446,36 @@ fn the_built_in_scene_has_clouds_of_some_of_its_views_and_of_more() {
     }
     let random = load(Some(CloudSource::Random));
     assert_eq!(random, random_like(&own, options().seed));
+}
+
+#[test]
+fn the_built_in_scene_alone_has_an_exact_cloud() {
+    let exact: CloudSource = "exact".parse().expect("a cloud");
+    assert_eq!(exact.to_string(), "exact");
+    let with = |cloud| LoadOptions {
+        cloud,
+        n_test: 0,
+        ..options()
+    };
+    let off = |cloud| {
+        let cloud = load_builtin(32, &with(cloud)).expect("a scene").cloud;
+        let distances = cloud.positions.iter().map(|p| surface_distance(*p).abs());
+        (cloud.len(), distances.fold(0.0, f64::max))
+    };
+    // Every pixel of the four training views, 32x22.
+    let (n, farthest) = off(Some(exact.clone()));
+    assert_eq!(n, 4 * 32 * 22);
+    assert!(farthest < 1e-4, "{farthest}");
+    let (n, farthest) = off(None);
+    assert!(n < 4 * 32 * 22 && farthest > 0.1, "{n}, {farthest}");
+
+    let folder = Folder::with_views(&["a.png", "b.png"]);
+    let refused = folder.load_with(&with(Some(exact)));
+    fails_with(
+        refused,
+        ErrorKind::Usage,
+        &["only the built-in scene", "--cloud"],
+    );
 }
 
 /// Seconds since some day, as the time of change of a scene's file.

@@ -166,6 +166,15 @@ fn named_test_views_come_before_the_split_file_and_are_checked_like_training_vie
             let loaded = folder.load_with(&tested_on(names));
             fails_with(loaded, ErrorKind::Usage, &[part]);
         }
+        // Views in both lists are there twice, where that is asked for.
+        let both = LoadOptions {
+            overlap: true,
+            ..tested_on(&["b", "c"])
+        };
+        let scene = folder.load_with(&both).expect("a scene");
+        is_split(&scene, "c a", "b c");
+        assert_eq!(scene.n_test_trained(), 1);
+        assert_eq!(scene.train[0].image, scene.test[1].image);
     }
 }
 

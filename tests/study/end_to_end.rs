@@ -91,6 +91,8 @@ fn every_study_reports_in_text_numbers_and_pictures_and_trains_nothing_twice() {
         ("presets", 7, 7),
         // All; 3 degrees, 5 caps, 4 counts, 3 lengths and a half of 32 px; 8 pairs and the chosen one.
         ("need", 1 + 3 + 5 + 4 + 3 + 1 + 9, 3 + 5 + 4 + 3 + 1 + 9),
+        // Three presets are there; an exact cloud and all photographs are new.
+        ("ceiling", 5, 2),
     ] {
         let args = format!("{name} {TINY} --seeds 4");
         let (report, log) = succeeds(folder.path(), &args);
@@ -142,7 +144,7 @@ fn every_study_reports_in_text_numbers_and_pictures_and_trains_nothing_twice() {
             );
         }
 
-        let of_methods = ["ablation", "sampling", "presets", "parameters"];
+        let of_methods = ["ablation", "sampling", "presets", "parameters", "ceiling"];
         assert_eq!(
             report.contains(&format!("![renders]({name}-renders.png)")),
             of_methods.contains(&name),
@@ -159,6 +161,112 @@ fn every_study_reports_in_text_numbers_and_pictures_and_trains_nothing_twice() {
     assert_eq!(
         json(&folder.path().join(run).join("config.json"))["preset"],
         "ablation-info"
+    );
+    check_ceiling(folder.path());
+}
+
+/// The ceiling's run is trained on all photographs and measured at the test views, and the report's
+/// shares are of a whole.
+fn check_ceiling(folder: &Path) {
+    let root = |variant: &str| format!("studies/runs/builtin-gspotential{variant}-seed4");
+    let scene = |variant: &str| {
+        let metrics = folder.join(root(variant)).join("metrics.json");
+        json(&metrics)["scene"].clone()
+    };
+    let names = |views: &Value| -> Vec<String> {
+        let views = views.as_array().expect("views").iter();
+        let name = |view: &Value| view["name"].as_str().or(view.as_str()).map(str::to_owned);
+        views.map(|view| name(view).expect("a name")).collect()
+    };
+    let (own, ceiling) = (scene(""), scene("-all-photographs"));
+    let (train, test) = (names(&own["train_views"]), names(&own["test_views"]));
+    assert_eq!((train.len(), test.len()), (4, 6));
+    assert_eq!(
+        names(&ceiling["train_views"]),
+        [train, test.clone()].concat()
+    );
+    assert_eq!(names(&ceiling["test_views"]), test);
+    assert_eq!(
+        (&own["n_test_trained"], &ceiling["n_test_trained"]),
+        (&0.into(), &6.into())
+    );
+    let exact = scene("-exact-cloud");
+    assert_eq!(
+        (&exact["cloud"], &exact["n_test_trained"]),
+        (&"exact".into(), &0.into())
+    );
+    // What is measured again is the same, and says what it was trained on.
+    let eval = folder.join(root("-all-photographs")).join("eval.json");
+    let before = json(&eval);
+    assert_eq!(names(&before["views"]), test);
+    fs::remove_file(&eval).unwrap();
+    let again = succeed(
+        folder,
+        &format!("eval {} {}", root("-all-photographs"), root("")),
+    );
+    assert!(
+        again.stdout.contains("trained on its test views, too"),
+        "{}",
+        again.stdout
+    );
+    assert_eq!(json(&eval), before);
+    let page = fs::read_to_string(folder.join(root("-all-photographs")).join("report.html"));
+    assert!(
+        page.unwrap()
+            .contains(" 6 of the test views were trained on.")
+    );
+
+    let data = json(&folder.join("studies/ceiling.json"));
+    let rows = |i: usize| data["tables"][i]["rows"].as_array().expect("rows").clone();
+    let value = |row: &Value, key: &str| -> f64 {
+        let figure = row[key]["mean"].as_f64().or(row[key].as_f64());
+        figure.unwrap_or_else(|| panic!("no {key} in {row}"))
+    };
+    let is_whole = |sum: f64| assert!((sum - 100.0).abs() < 1e-6, "{sum}");
+    let [reach, by_pixels, remedies, by_angle] = [rows(1), rows(2), rows(3), rows(4)];
+    assert_eq!(
+        (reach.len(), by_pixels.len(), remedies.len()),
+        (2, 5 * 4, 5 * 4)
+    );
+    for row in &reach {
+        is_whole(
+            ["geometry", "colour", "nobodys"]
+                .iter()
+                .map(|key| value(row, key))
+                .sum(),
+        );
+        assert!(value(row, "cloud") < 100.0, "{row}");
+    }
+    for method in by_pixels.chunks(4) {
+        is_whole(method.iter().map(|row| value(row, "pixel_share")).sum());
+        is_whole(method.iter().map(|row| value(row, "error_share")).sum());
+    }
+    // A larger window and a freer fit take away more.
+    for method in remedies.chunks(4) {
+        let gone: Vec<f64> = method.iter().map(|row| value(row, "error_share")).collect();
+        assert!(
+            0.0 <= gone[0] && gone[0] <= gone[1] && gone[1] < 100.0,
+            "{gone:?}"
+        );
+        assert!(
+            0.0 < gone[2] && gone[2] < gone[3] && gone[3] < 100.0,
+            "{gone:?}"
+        );
+        assert!(
+            method.iter().all(|row| value(row, "db") >= 0.0),
+            "{method:?}"
+        );
+    }
+    let of_bins = |key: &str| by_angle.iter().map(|row| value(row, key)).sum::<f64>();
+    assert_eq!(of_bins("n_views"), 6.0);
+    for method in ["default", "ceiling", "3dgs"] {
+        is_whole(of_bins(&format!("share_{method}")));
+    }
+    let notes = data["notes"].as_array().expect("notes");
+    let last = notes.last().and_then(Value::as_str).expect("a sentence");
+    assert!(
+        last.starts_with("builtin: ") && last.contains("of the default's squared error"),
+        "{last}"
     );
 }
 
@@ -506,6 +614,7 @@ fn slips_on_the_command_line_are_told_before_anything_is_written() {
         "parameters",
         "potential",
         "need",
+        "ceiling",
     ] {
         assert!(help.contains(name), "no `{name}` in {help}");
     }

@@ -124,6 +124,9 @@ impl<'a> Comparison<'a> {
                 if !same_views {
                     row.label += &format!(", {}", trained_on(row.train_views()));
                 }
+                if run.metrics.scene.n_test_trained > 0 {
+                    row.label += ", trained on its test views, too";
+                }
             }
             tell_apart(&mut block.rows);
         }

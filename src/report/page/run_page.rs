@@ -127,6 +127,9 @@ fn head(name: &str, config: &Config, metrics: &Metrics, evaluation: &Evaluation)
             " training and " (scene.test_views.len()) " test views, " (scene.n_points)
             " points; preset " (config.preset) ", " (metrics.iterations) " iterations, seed "
             (metrics.seed) "; gspotential " (metrics.version) " on " (metrics.adapter) "."
+            @if scene.n_test_trained > 0 {
+                " " (scene.n_test_trained) " of the test views were trained on."
+            }
         }
         ul.facts { @for (value, what) in &facts { li { strong { (value) } span { (what) } } } }
         @if !metrics.chosen.is_empty() {
