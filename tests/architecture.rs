@@ -27,6 +27,7 @@ const ORDER: &[&str] = &[
     "eval",
     "run",
     "report",
+    "live",
     "pipeline",
     "study",
     "doctor",

@@ -14,6 +14,7 @@ mod render;
 mod scene;
 mod study;
 mod train;
+mod view;
 
 use std::io::Write;
 use std::path::Path;
@@ -27,6 +28,7 @@ Examples:
   gspotential train                                    the built-in scene
   gspotential scene photographs/ --weights model.safetensors --out scenes/garden
   gspotential train --scene scenes/garden --out runs/garden
+  gspotential view runs/garden                         turn it in the browser
   gspotential field --scene scenes/garden              where photographs are missing
   gspotential eval runs/garden
   gspotential render --model runs/garden/point_cloud.ply --cameras runs/garden/cameras.json --out views
@@ -50,6 +52,7 @@ pub struct Cli {
 enum Command {
     Scene(scene::SceneArgs),
     Train(Box<train::TrainArgs>),
+    View(view::ViewArgs),
     Eval(eval::EvalArgs),
     Field(field::FieldArgs),
     Render(render::RenderArgs),
@@ -68,6 +71,7 @@ impl Cli {
         match self.command {
             Command::Scene(args) => args.run(),
             Command::Train(args) => args.run(),
+            Command::View(args) => args.run(),
             Command::Eval(args) => args.run(),
             Command::Field(args) => args.run(),
             Command::Render(args) => args.run(),

@@ -147,11 +147,7 @@ impl SceneRuns {
         let trained: Vec<Trained> = self
             .runs
             .iter()
-            .map(|run| Trained {
-                name: &run.name,
-                metrics: &run.metrics,
-                ssim_weight: run.ssim_weight,
-            })
+            .map(|run| Trained::of(&run.name, &run.metrics, run.ssim_weight))
             .collect();
         let plots = match trained.len() {
             ..=MAX_CURVES => curves::plots(&trained)?,
