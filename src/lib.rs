@@ -1,7 +1,7 @@
 //! Sparse-view 3D Gaussian Splatting guided by a camera potential field.
 //!
 //! Data flows one way: [`scene`] -> [`field`] -> [`views`] -> [`cloud`] (the point splat) ->
-//! [`train`] -> [`eval`] -> [`report`]. Beneath lie [`error`], [`files`], [`terminal`], [`camera`],
+//! [`train`] -> [`eval`] -> [`report`]. Beneath lie [`version`], [`error`], [`files`], [`terminal`], [`camera`],
 //! [`config`], [`gaussians`], [`gpu`], [`metrics`] and [`render`]. [`run`] stores what others
 //! define, [`live`] serves a page that shows a training as it runs, [`pipeline`] calls the stages in a row, [`study`] trains what a table or figure of the
 //! paper needs, [`doctor`] holds the GPU to the f64 twin beside it ([`doctor::twin`]), and [`cli`]
@@ -53,4 +53,5 @@ pub mod scene;
 pub mod study;
 pub mod terminal;
 pub mod train;
+pub mod version;
 pub mod views;

@@ -8,6 +8,7 @@ mod eval;
 mod export;
 mod field;
 mod machine;
+mod man;
 mod measure;
 mod presets;
 mod render;
@@ -22,6 +23,7 @@ use std::path::Path;
 use clap::{Parser, Subcommand};
 
 use crate::error::{Error, Result};
+use crate::version::WITH_COMMIT;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -39,7 +41,7 @@ Exit codes: 0 done, 1 failed, 2 wrong usage, 130 stopped by Ctrl-C or SIGTERM.";
 /// Trains a 3D Gaussian Splatting scene from a few posed photographs and a point cloud, guided
 /// by a camera potential field.
 #[derive(Debug, Parser)]
-#[command(version, after_help = EXAMPLES, arg_required_else_help = true)]
+#[command(version = WITH_COMMIT, after_help = EXAMPLES, arg_required_else_help = true)]
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -62,6 +64,7 @@ enum Command {
     Presets(presets::PresetsArgs),
     ListAdapters(machine::AdaptersArgs),
     Completions(completions::CompletionsArgs),
+    Man(man::ManArgs),
 }
 
 impl Cli {
@@ -81,6 +84,7 @@ impl Cli {
             Command::Presets(args) => args.run(),
             Command::ListAdapters(args) => args.run(),
             Command::Completions(args) => args.run(),
+            Command::Man(args) => args.run(),
         }
     }
 }

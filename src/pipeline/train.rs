@@ -31,6 +31,7 @@ use crate::run::{
 use crate::scene::{PointCloud, Scene};
 use crate::terminal::progress::Progress;
 use crate::train::{Trained, Trainer};
+use crate::version::{COMMIT, VERSION};
 
 /// Time that a command has taken before training; the default is one that begins now.
 #[derive(Default)]
@@ -256,7 +257,8 @@ impl Task<'_> {
         }
         gpu.check()?;
         run.write_metrics(&Metrics {
-            version: env!("CARGO_PKG_VERSION").to_owned(),
+            version: VERSION.to_owned(),
+            commit: COMMIT.map(str::to_owned),
             adapter: gpu.describe(),
             rasterizer: Some(kernels.rasterizer.choice()),
             seed: config.seed,

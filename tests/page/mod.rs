@@ -123,6 +123,7 @@ pub(crate) fn metrics(name: &str) -> Metrics {
     };
     Metrics {
         version: "0".to_owned(),
+        commit: None,
         adapter: name.to_owned(),
         rasterizer: None,
         seed: 0,
