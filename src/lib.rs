@@ -1,9 +1,9 @@
 //! Sparse-view 3D Gaussian Splatting guided by a camera potential field.
 //!
 //! Data flows one way: [`scene`] -> [`field`] -> [`views`] -> [`cloud`] (the point splat) ->
-//! [`train`] -> [`eval`] -> [`report`]. Beneath lie [`error`], [`files`], [`terminal`], [`camera`],
+//! [`train`] -> [`eval`] -> [`report`]. Beneath lie [`version`], [`error`], [`files`], [`terminal`], [`camera`],
 //! [`config`], [`gaussians`], [`gpu`], [`metrics`] and [`render`]. [`run`] stores what others
-//! define, [`pipeline`] calls the stages in a row, [`study`] trains what a table or figure of the
+//! define, [`live`] serves a page that shows a training as it runs, [`pipeline`] calls the stages in a row, [`study`] trains what a table or figure of the
 //! paper needs, [`doctor`] holds the GPU to the f64 twin beside it ([`doctor::twin`]), and [`cli`]
 //! is the commands on top. If only photographs are there, [`prior`] finds depth and cameras and
 //! [`dense`] makes one cloud of them, before the flow begins. A module imports only from those before it in `tests/architecture.rs`,
@@ -42,6 +42,7 @@ pub mod field;
 pub mod files;
 pub mod gaussians;
 pub mod gpu;
+pub mod live;
 pub mod metrics;
 pub mod pipeline;
 pub mod prior;
@@ -52,4 +53,5 @@ pub mod scene;
 pub mod study;
 pub mod terminal;
 pub mod train;
+pub mod version;
 pub mod views;

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 /// The modules from the ground up; the flow of data from `scene` to `report` in its order.
 const ORDER: &[&str] = &[
+    "version",
     "error",
     "files",
     "terminal",
@@ -27,6 +28,7 @@ const ORDER: &[&str] = &[
     "eval",
     "run",
     "report",
+    "live",
     "pipeline",
     "study",
     "doctor",

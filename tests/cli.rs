@@ -254,6 +254,7 @@ fn eval_refuses_before_it_renders() {
 fn metrics(pose_protocol: PoseProtocol) -> Metrics {
     Metrics {
         version: "1".into(),
+        commit: None,
         adapter: "none".into(),
         rasterizer: None,
         seed: 0,

@@ -65,6 +65,7 @@ impl Made {
     fn metrics(&self, config: &Config) -> Metrics {
         Metrics {
             version: "1.2.3".into(),
+            commit: None,
             adapter: "none".into(),
             rasterizer: None,
             seed: config.seed,

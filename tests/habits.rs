@@ -2,8 +2,10 @@
 //! exports.
 
 use std::path::Path;
+use std::process::Command;
 
 use gspotential::config::{Config, PRESETS, keys, summary};
+use gspotential::version::{COMMIT, WITH_COMMIT};
 
 use crate::kit::program::{run, succeed};
 
@@ -106,6 +108,63 @@ fn completions_and_adapters_are_printed() {
     }
     let adapters = stdout(folder.path(), "list-adapters");
     assert!(adapters.lines().count() >= 3, "{adapters}");
+}
+
+#[test]
+fn the_manual_has_a_page_for_every_command() {
+    let folder = tempfile::tempdir().unwrap();
+    succeed(folder.path(), "man pages/man1");
+    let page = |name: &str| std::fs::read_to_string(folder.path().join("pages/man1").join(name));
+    assert!(
+        page("gspotential.1")
+            .unwrap()
+            .contains("gspotential\\-train(1)")
+    );
+    let train = page("gspotential-train.1").unwrap();
+    assert!(
+        train.starts_with(".ie") && train.contains("max\\-points"),
+        "{train}"
+    );
+    let help = stdout(folder.path(), "--help");
+    let commands = help.lines().skip_while(|line| *line != "Commands:").skip(1);
+    let commands = commands.take_while(|line| !line.is_empty());
+    let commands: Vec<&str> = commands
+        .filter_map(|line| line.split_whitespace().next())
+        .collect();
+    assert!(commands.len() > 10, "{help}");
+    for command in commands.into_iter().filter(|command| *command != "help") {
+        assert!(
+            page(&format!("gspotential-{command}.1")).is_ok(),
+            "{command}"
+        );
+    }
+    let refused = run(folder.path(), "man pages/man1/gspotential.1");
+    assert_eq!(refused.code, Some(1), "{}", refused.log);
+}
+
+#[test]
+fn the_version_names_the_commit_where_there_is_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let version = stdout(folder.path(), "--version");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let asked = Command::new("git")
+        .args(["rev-parse", "HEAD"])
+        .current_dir(root)
+        .output();
+    // Neither in a package nor without git.
+    let head = asked.ok().filter(|_| root.join(".git").exists());
+    let head = head.filter(|output| output.status.success());
+    let commit = head.map(|output| String::from_utf8(output.stdout).unwrap()[..12].to_owned());
+    let expected = match &commit {
+        Some(commit) => format!("gspotential {} ({commit})\n", env!("CARGO_PKG_VERSION")),
+        None => format!("gspotential {}\n", env!("CARGO_PKG_VERSION")),
+    };
+    assert_eq!(version, expected);
+    assert_eq!(commit.as_deref(), COMMIT);
+    assert_eq!(
+        version.trim_start_matches("gspotential ").trim(),
+        WITH_COMMIT
+    );
 }
 
 #[test]

@@ -23,6 +23,7 @@ mod gpu;
 mod habits;
 mod hard;
 mod kit;
+mod live;
 mod masked;
 mod memory;
 mod metrics;

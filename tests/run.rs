@@ -252,6 +252,7 @@ fn metrics_read_back_and_keep_what_may_vary_apart() {
     let run = RunDir::create(folder.path(), &config(), false).unwrap();
     let metrics = Metrics {
         version: "1".into(),
+        commit: None,
         adapter: "none".into(),
         rasterizer: None,
         seed: 7,

@@ -8,12 +8,14 @@ mod eval;
 mod export;
 mod field;
 mod machine;
+mod man;
 mod measure;
 mod presets;
 mod render;
 mod scene;
 mod study;
 mod train;
+mod view;
 
 use std::io::Write;
 use std::path::Path;
@@ -21,12 +23,14 @@ use std::path::Path;
 use clap::{Parser, Subcommand};
 
 use crate::error::{Error, Result};
+use crate::version::WITH_COMMIT;
 
 const EXAMPLES: &str = "\
 Examples:
   gspotential train                                    the built-in scene
   gspotential scene photographs/ --weights model.safetensors --out scenes/garden
   gspotential train --scene scenes/garden --out runs/garden
+  gspotential view runs/garden                         turn it in the browser
   gspotential field --scene scenes/garden              where photographs are missing
   gspotential eval runs/garden
   gspotential render --model runs/garden/point_cloud.ply --cameras runs/garden/cameras.json --out views
@@ -37,7 +41,7 @@ Exit codes: 0 done, 1 failed, 2 wrong usage, 130 stopped by Ctrl-C or SIGTERM.";
 /// Trains a 3D Gaussian Splatting scene from a few posed photographs and a point cloud, guided
 /// by a camera potential field.
 #[derive(Debug, Parser)]
-#[command(version, after_help = EXAMPLES, arg_required_else_help = true)]
+#[command(version = WITH_COMMIT, after_help = EXAMPLES, arg_required_else_help = true)]
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -50,6 +54,7 @@ pub struct Cli {
 enum Command {
     Scene(scene::SceneArgs),
     Train(Box<train::TrainArgs>),
+    View(view::ViewArgs),
     Eval(eval::EvalArgs),
     Field(field::FieldArgs),
     Render(render::RenderArgs),
@@ -59,6 +64,7 @@ enum Command {
     Presets(presets::PresetsArgs),
     ListAdapters(machine::AdaptersArgs),
     Completions(completions::CompletionsArgs),
+    Man(man::ManArgs),
 }
 
 impl Cli {
@@ -68,6 +74,7 @@ impl Cli {
         match self.command {
             Command::Scene(args) => args.run(),
             Command::Train(args) => args.run(),
+            Command::View(args) => args.run(),
             Command::Eval(args) => args.run(),
             Command::Field(args) => args.run(),
             Command::Render(args) => args.run(),
@@ -77,6 +84,7 @@ impl Cli {
             Command::Presets(args) => args.run(),
             Command::ListAdapters(args) => args.run(),
             Command::Completions(args) => args.run(),
+            Command::Man(args) => args.run(),
         }
     }
 }

@@ -10,6 +10,7 @@ use super::dry_run;
 use super::measure::MeasureArgs;
 use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
+use crate::live::Live;
 use crate::pipeline::{self, GoOn, PriorOptions, Resumed, TrainJob, profile_tables};
 use crate::report::evaluation_table;
 use crate::run::{Evaluation, RunDir};
@@ -26,6 +27,7 @@ Examples:
   gspotential train --scene scenes/garden --preset 3dgs --out runs/baseline
   gspotential train --set views.count=64 --set loss.ssim_weight=0.3
   gspotential train --resume runs/garden
+  gspotential train --watch                            and look on in the browser
 
 A config file is a JSON object that states what it changes, as in
   {\"preset\": \"paper\", \"iterations\": 3000, \"views\": {\"count\": 64}}
@@ -146,6 +148,13 @@ pub(crate) struct TrainArgs {
     #[arg(long, conflicts_with = "dry_run")]
     profile: bool,
 
+    /// Show the training as it runs in the browser, at an address of this machine that is printed first: progress,
+    /// curves, the scene to turn, views beside photographs; on a PORT of 127.0.0.1, or any that is free. What is
+    /// trained stays as it is, bit for bit
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0",
+          conflicts_with = "dry_run")]
+    watch: Option<u16>,
+
     #[command(flatten)]
     measure: MeasureArgs,
 }
@@ -154,9 +163,11 @@ impl TrainArgs {
     pub(crate) fn run(mut self) -> Result<()> {
         let checkpoint_every = self.checkpoint_every.map(NonZeroU32::get);
         if let Some(root) = &self.resume {
+            let watch = self.watch.map(Live::serve).transpose()?;
             let how = GoOn {
                 checkpoint_every,
                 profile: self.profile,
+                watch,
             };
             return match TrainJob::resume(root, how, &self.measure.options()?)? {
                 Resumed {
@@ -176,6 +187,7 @@ impl TrainArgs {
         let config = self.resolved_config()?;
         check_names("--train-views", self.train_views.as_deref())?;
         check_names("--test-views", self.test_views.as_deref())?;
+        let watch = self.watch.map(Live::serve).transpose()?;
         if let Some(photographs) = &self.photographs {
             self.scene = SceneSource::Folder(make_scene(photographs, self.weights.clone())?);
         }
@@ -190,6 +202,7 @@ impl TrainArgs {
             eval_every: self.eval_every.map(NonZeroU32::get),
             checkpoint_every,
             profile: self.profile,
+            watch,
             ..job
         };
         let out = self

@@ -40,6 +40,7 @@ use self::timing::Timing;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Rasterizer};
+use crate::version::VERSION;
 
 /// The doctor's findings on an adapter, and its verdict.
 #[derive(Clone, Debug, Serialize)]
@@ -236,7 +237,7 @@ impl Report {
             .map(|stage| StageReport::of(stage, &findings, timings))
             .collect();
         Report {
-            version: env!("CARGO_PKG_VERSION"),
+            version: VERSION,
             adapter,
             holds: rasterizers.iter().all(|r| r.repeat.holds)
                 && stages.iter().all(|stage| stage.holds),

@@ -85,15 +85,31 @@ impl Gaussians {
         let Some(sh_degree) = degree else {
             return self;
         };
-        let kept = self
-            .sh
-            .chunks_exact(whole)
-            .flat_map(|sh| &sh[..3 * n_sh(sh_degree)]);
         Gaussians {
-            sh: kept.copied().collect(),
+            sh: self.sh_up_to(sh_degree),
             sh_degree,
             ..self
         }
+    }
+
+    /// Returns a copy with the colours of degree 0 alone.
+    pub fn base(&self) -> Gaussians {
+        Gaussians {
+            means: self.means.clone(),
+            scales_log: self.scales_log.clone(),
+            rotations_wxyz: self.rotations_wxyz.clone(),
+            opacity_logits: self.opacity_logits.clone(),
+            sh: self.sh_up_to(0),
+            sh_degree: 0,
+        }
+    }
+
+    /// Returns the coefficients of the degrees up to `sh_degree`.
+    fn sh_up_to(&self, sh_degree: u32) -> Vec<f32> {
+        let own = self.sh.chunks_exact(3 * self.n_sh());
+        own.flat_map(|sh| &sh[..3 * n_sh(sh_degree)])
+            .copied()
+            .collect()
     }
 
     /// Returns the number of Gaussians that no view can show, whatever their opacity.

@@ -4,6 +4,7 @@ use super::load_scene;
 use super::moved::thumbnail;
 use crate::config::Config;
 use crate::error::{Error, Result};
+use crate::live::Live;
 use crate::run::SceneRecord;
 use crate::scene::{CloudSource, LoadOptions, Scene, SceneSource, View};
 
@@ -31,6 +32,8 @@ pub struct TrainJob {
     pub checkpoint_every: Option<u32>,
     /// Whether `profile.json` is written.
     pub profile: bool,
+    /// The page that shows the training as it runs; `None`: none.
+    pub watch: Option<Live>,
 }
 
 impl TrainJob {
@@ -51,6 +54,7 @@ impl TrainJob {
             eval_every: None,
             checkpoint_every: None,
             profile: false,
+            watch: None,
         })
     }
 

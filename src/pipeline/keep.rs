@@ -12,6 +12,7 @@ use crate::gpu::Gpu;
 use crate::run::{CurvePoint, Found, RunDir, Stop};
 use crate::scene::Scene;
 use crate::train::{State, Trainer, fingerprint};
+use crate::version::VERSION;
 
 /// Default spacing of checkpoints: at least this time, and this many times as long as the last one
 /// took.
@@ -43,11 +44,7 @@ impl Identity {
             sums.insert(format!("test mask of `{name}`"), crc32fast::hash(&mask));
         }
         Ok(Identity {
-            made_by: format!(
-                "version {} on {}",
-                env!("CARGO_PKG_VERSION"),
-                gpu.describe()
-            ),
+            made_by: format!("version {} on {}", VERSION, gpu.describe()),
             config: config.clone(),
             scene: sums,
         })

@@ -13,6 +13,7 @@ use crate::render::Device;
 use crate::report::{ContactSheet, write_png};
 use crate::run::{Evaluation, Measured, RunDir, file_names};
 use crate::scene::{PointCloud, PoseProtocol, View};
+use crate::version::VERSION;
 
 /// Test views and the canonical frame of what they show.
 #[derive(Clone, Copy)]
@@ -124,7 +125,7 @@ pub(super) fn measured(
 ) -> Result<Measured> {
     let point_cloud = read_file(&run.point_cloud())?;
     Ok(Measured {
-        version: env!("CARGO_PKG_VERSION").to_owned(),
+        version: VERSION.to_owned(),
         point_cloud_sha256: sha256(&point_cloud),
         point_cloud_bytes: point_cloud.len() as u64,
         config_sha256: sha256(&read_file(&run.config_file())?),

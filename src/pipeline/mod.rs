@@ -20,6 +20,7 @@ mod profile;
 mod render;
 mod start;
 mod train;
+mod view;
 mod watch;
 
 pub use dry_run::{DryRun, dry_run};
@@ -33,6 +34,7 @@ pub use profile::{kernel_table, profile_tables};
 pub use render::render;
 pub use start::{GoOn, Resumed};
 pub use train::{SoFar, train};
+pub use view::view;
 
 use std::path::PathBuf;
 use std::time::Instant;

@@ -1,6 +1,7 @@
 //! This module leads a training run from the command on: it is started anew, or gone on with.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use super::job::TrainJob;
 use super::train::{SoFar, train};
@@ -8,6 +9,7 @@ use crate::cloud::agreement::Agreement;
 use crate::error::Result;
 use crate::eval::EvalOptions;
 use crate::gpu::{Gpu, Rasterizer};
+use crate::live::Live;
 use crate::run::{Evaluation, RunDir, Stop};
 use crate::scene::{Scene, SceneSource, View};
 
@@ -29,7 +31,7 @@ impl TrainJob {
         // and the same command works once it has one.
         let gpu = open_gpu()?;
         so_far.seconds.open = Some(so_far.clock.lap());
-        let scene = announced(self.load()?, self)?;
+        let scene = shown(announced(self.load()?, self)?, self);
         so_far.seconds.load = Some(so_far.clock.lap());
         options.check(&scene.test)?;
         // What the rule gives this adapter is the run's from here on.
@@ -64,9 +66,10 @@ impl TrainJob {
             eval_every: record.eval_every,
             checkpoint_every: how.checkpoint_every.or(record.checkpoint_every),
             profile: how.profile,
+            watch: how.watch,
             ..Self::recorded(&record.scene, run.config()?)?
         };
-        let scene = announced(job.load_again()?, &job)?;
+        let scene = shown(announced(job.load_again()?, &job)?, &job);
         so_far.seconds.load = Some(so_far.clock.lap());
         let stop = Stop::on_signals()?;
         let evaluation = train(&gpu, &scene, &job, so_far, options, &run, &stop)?;
@@ -78,12 +81,14 @@ impl TrainJob {
 }
 
 /// Options for going on with a run.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct GoOn {
     /// Iterations between two checkpoints, in place of what the run was started with.
     pub checkpoint_every: Option<u32>,
     /// Whether `profile.json` is written.
     pub profile: bool,
+    /// The page that shows the training as it runs; `None`: none.
+    pub watch: Option<Live>,
 }
 
 /// The outcome of [`TrainJob::resume`].
@@ -98,6 +103,15 @@ fn open_gpu() -> Result<Gpu> {
     let gpu = Gpu::open()?;
     log::info!("adapter: {}", gpu.describe());
     Ok(gpu)
+}
+
+/// Has the scene's photographs shown on the job's page, if it has one.
+fn shown(scene: Scene, job: &TrainJob) -> Arc<Scene> {
+    let scene = Arc::new(scene);
+    if let Some(live) = &job.watch {
+        live.photographs(Arc::clone(&scene));
+    }
+    scene
 }
 
 /// Training pixels for each point beyond which a cloud fills no view, as one of structure from

@@ -1,7 +1,7 @@
 //! This module trains a scene: the stages run in a row, timed, into a run directory.
 
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use glam::DVec3;
 
@@ -21,6 +21,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::eval::EvalOptions;
 use crate::gaussians::ply::write_ply;
 use crate::gpu::{Gpu, Rasterizer};
+use crate::live::{self, Phase};
 use crate::render::{Device, Kernels, Renderer, most_gaussians};
 use crate::report::write_run_page;
 use crate::run::{
@@ -30,6 +31,7 @@ use crate::run::{
 use crate::scene::{PointCloud, Scene};
 use crate::terminal::progress::Progress;
 use crate::train::{Trained, Trainer};
+use crate::version::{COMMIT, VERSION};
 
 /// Time that a command has taken before training; the default is one that begins now.
 #[derive(Default)]
@@ -133,6 +135,15 @@ pub fn train(
     }
     let all = all_cameras(scene, train, virtual_cameras);
     write_cameras(&run.cameras(), &all, offset)?;
+    if let Some(live) = &job.watch {
+        live.subject(live::Subject {
+            name: run.name(),
+            cameras: all,
+            frame: task.prepared.frame,
+            config: task.config.clone(),
+            scene: Some(record(scene, job)),
+        });
+    }
     files_s += clock.lap();
     seconds.files = Some(files_s);
     match task.attempt(gpu, &mut clock, seconds) {
@@ -203,6 +214,10 @@ impl Task<'_> {
             true => gaussians.without_empty_degrees(),
             false => gaussians,
         };
+        if let Some(live) = &job.watch {
+            live.show(iterations, gaussians.base(), Duration::ZERO);
+            live.phase(Phase::Measuring);
+        }
         write_ply(&run.point_cloud(), &gaussians, &prepared.frame)?;
         // What is measured is what was written.
         drop(gaussians);
@@ -233,12 +248,17 @@ impl Task<'_> {
         let evaluation = measure(device, subject)?;
         seconds.eval = Some(clock.lap() + log.curve_s);
         let mut curve = log.curve;
+        let point = curve_point(iterations, &evaluation);
+        if let Some(live) = &job.watch {
+            live.tested(&point);
+        }
         if job.eval_every.is_some() {
-            curve.push(curve_point(iterations, &evaluation));
+            curve.push(point);
         }
         gpu.check()?;
         run.write_metrics(&Metrics {
-            version: env!("CARGO_PKG_VERSION").to_owned(),
+            version: VERSION.to_owned(),
+            commit: COMMIT.map(str::to_owned),
             adapter: gpu.describe(),
             rasterizer: Some(kernels.rasterizer.choice()),
             seed: config.seed,
@@ -274,6 +294,9 @@ impl Task<'_> {
         }
         // Nothing is left to resume.
         run.checkpoints().clear()?;
+        if let Some(live) = &job.watch {
+            live.phase(Phase::Finished);
+        }
         Ok(evaluation)
     }
 
@@ -317,7 +340,11 @@ impl Task<'_> {
         seconds.compile = Some(seconds.compile.unwrap_or(0.0) + compile_s);
         seconds.upload = Some(clock.lap() - compile_s);
         seconds.to_first_iteration = Some(clock.total());
-        let done = trainer.state().done;
+        let state = trainer.state();
+        let done = state.done;
+        if let Some(live) = &job.watch {
+            live.begin(&state, &log.curve, config.loss.ssim_weight);
+        }
         let (before_s, kept_s) = (log.train_s, log.keep_s);
         let mut watch = Watch {
             progress: Progress::new(config.iterations).from(done),
@@ -336,6 +363,8 @@ impl Task<'_> {
             sampler: job
                 .profile
                 .then(|| Sampler::new(gpu, done, config.iterations)),
+            live: job.watch.as_ref(),
+            gpu,
             before_s: log.train_s + log.curve_s,
             clock: Instant::now(),
             log,

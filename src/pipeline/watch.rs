@@ -9,22 +9,24 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::eval::{self, EvalOptions};
 use crate::gpu::{Gpu, Profile};
+use crate::live::Live;
 use crate::render::{Model, Renderer};
 use crate::run::{CurvePoint, Evaluation};
 use crate::scene::View;
 use crate::terminal::progress::Progress;
-use crate::train::LossSample;
-use crate::train::Observer;
-use crate::train::State;
+use crate::train::{LossSample, Observer, SignalPoint, State};
 
-/// Shows the training's progress, keeps its state, and measures on the way where a curve is asked
-/// for.
+/// Shows the training's progress, on a page, too, where one is served, keeps its state, and measures
+/// on the way where a curve is asked for.
 pub(super) struct Watch<'a> {
     pub(super) progress: Progress,
     pub(super) curve: Option<Curve<'a>>,
     pub(super) keeper: Keeper<'a>,
     /// The sampler of a profiled run; `None` in others.
     pub(super) sampler: Option<Sampler>,
+    /// The page that shows the training; `None`: none.
+    pub(super) live: Option<&'a Live>,
+    pub(super) gpu: &'a Gpu,
     /// Training and curve before `clock`.
     pub(super) before_s: f64,
     pub(super) clock: Instant,
@@ -37,6 +39,43 @@ impl Watch<'_> {
     /// Returns the seconds of training alone so far.
     pub(super) fn train_s(&self) -> f64 {
         self.before_s + self.clock.elapsed().as_secs_f64() - self.log.curve_s
+    }
+
+    /// Says whether the curve has a point after `done` iterations.
+    fn is_curve_due(&self, done: u32) -> bool {
+        let due = |c: &Curve| done.is_multiple_of(c.every) && done < self.iterations;
+        self.curve.as_ref().is_some_and(due)
+    }
+
+    /// Measures a point of the curve.
+    fn measure(&mut self, done: u32, model: &Model) -> Result<()> {
+        let train_s = self.train_s();
+        let Some(curve) = &mut self.curve else {
+            return Ok(());
+        };
+        let start = Instant::now();
+        let (views, config) = (curve.views, &curve.config.model);
+        let mut scores = Vec::with_capacity(views.len());
+        let renderer = &mut curve.renderer;
+        eval::render_model(
+            renderer,
+            model,
+            curve.frame,
+            views,
+            config,
+            |view, render| {
+                scores.push(eval::score(render, view, None, &curve.options)?);
+                Ok(())
+            },
+        )?;
+        let evaluation = Evaluation::new(scores, model.n, Some(train_s));
+        let point = curve_point(done, &evaluation);
+        if let Some(live) = self.live {
+            live.tested(&point);
+        }
+        self.log.curve.push(point);
+        self.log.curve_s += start.elapsed().as_secs_f64();
+        Ok(())
     }
 }
 
@@ -73,6 +112,9 @@ impl Observer for Watch<'_> {
         self.iterations = iterations;
         self.progress.ends(iterations);
         self.keeper.ends(iterations);
+        if let Some(live) = self.live {
+            live.ends(iterations);
+        }
         if let Some(sampler) = &mut self.sampler {
             sampler.ends(iterations);
         }
@@ -91,39 +133,36 @@ impl Observer for Watch<'_> {
     }
 
     fn inspects(&self, done: u32) -> bool {
-        let due = |c: &Curve| done.is_multiple_of(c.every) && done < self.iterations;
-        self.curve.as_ref().is_some_and(due)
+        self.is_curve_due(done) || self.live.is_some_and(Live::is_due)
     }
 
     fn inspect(&mut self, done: u32, model: &Model) -> Result<()> {
-        let train_s = self.train_s();
-        let Some(curve) = &mut self.curve else {
-            return Ok(());
-        };
-        let start = Instant::now();
-        let (views, config) = (curve.views, &curve.config.model);
-        let mut scores = Vec::with_capacity(views.len());
-        let renderer = &mut curve.renderer;
-        eval::render_model(
-            renderer,
-            model,
-            curve.frame,
-            views,
-            config,
-            |view, render| {
-                scores.push(eval::score(render, view, None, &curve.options)?);
-                Ok(())
-            },
-        )?;
-        let evaluation = Evaluation::new(scores, model.n, Some(train_s));
-        self.log.curve.push(curve_point(done, &evaluation));
-        self.log.curve_s += start.elapsed().as_secs_f64();
+        if let Some(live) = self.live
+            && live.is_due()
+        {
+            let start = Instant::now();
+            let gaussians = model.download_base(self.gpu)?;
+            live.show(done, gaussians, start.elapsed());
+        }
+        if self.is_curve_due(done) {
+            self.measure(done, model)?;
+        }
         Ok(())
     }
 
+    fn measured(&mut self, point: &SignalPoint) {
+        if let Some(live) = self.live {
+            live.measured(point);
+        }
+    }
+
     fn look(&mut self, sample: &LossSample, n_gaussians: usize) {
-        self.progress
-            .update(sample.iteration, sample.loss, n_gaussians);
+        let done = sample.iteration;
+        self.progress.update(done, sample.loss, n_gaussians);
+        if let Some(live) = self.live {
+            let (_, seconds_left) = self.progress.pace(done);
+            live.look(sample, n_gaussians, seconds_left);
+        }
     }
 
     fn keeps(&self, done: u32) -> bool {

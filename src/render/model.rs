@@ -151,12 +151,25 @@ impl Model {
     /// # Errors
     /// A GPU fault.
     pub fn download(&self, gpu: &Gpu) -> Result<Gaussians> {
+        self.read_up_to(gpu, self.sh_degree)
+    }
+
+    /// Reads the Gaussians back with the colours of degree 0 alone.
+    ///
+    /// # Errors
+    /// A GPU fault.
+    pub fn download_base(&self, gpu: &Gpu) -> Result<Gaussians> {
+        self.read_up_to(gpu, 0)
+    }
+
+    /// Reads the Gaussians back with coefficients up to `sh_degree`, at most the model's own.
+    fn read_up_to(&self, gpu: &Gpu, sh_degree: u32) -> Result<Gaussians> {
         let (n, stride) = (self.n, self.stride);
         let geometry: Vec<[f32; 4]> = self.blocks[0].read(gpu, 3 * stride)?;
-        let n_sh = n_floats(self.sh_degree);
+        let n_sh = n_floats(sh_degree);
         let mut sh = vec![0.0; n * n_sh];
         let mut first = 0;
-        let n_blocks_sh = n_blocks(self.sh_degree);
+        let n_blocks_sh = n_blocks(sh_degree);
         for (buffer, n_planes) in self
             .blocks
             .iter()
@@ -179,7 +192,7 @@ impl Model {
             scales_log: geometry[stride..][..n].iter().map(xyz).collect(),
             rotations_wxyz: geometry[2 * stride..][..n].to_vec(),
             sh,
-            sh_degree: self.sh_degree,
+            sh_degree,
         })
     }
 }

@@ -19,7 +19,10 @@ pub use comparison::{Block, ComparedRun, Comparison, Row, check_protocols};
 pub use evaluation::{evaluation_table, view_table};
 pub use export::{runs_csv, runs_json};
 pub use grid::{GridRow, Window, method_grid, most_contested};
-pub use page::{SceneRuns, write_comparison, write_run_page};
+pub use page::{
+    Course, LivePage, SceneRuns, live_asset, live_gaussians, live_photograph, write_comparison,
+    write_run_page,
+};
 pub use sheet::{ContactSheet, mask_image};
 pub use table::{Cell, Column, Table};
 

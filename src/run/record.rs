@@ -15,6 +15,9 @@ use crate::train::{LossSample, Lowering, PlanCounts, SignalPoint, Trim};
 pub struct Metrics {
     /// This program's version.
     pub version: String,
+    /// The commit that it was built from; null where that was not known.
+    #[serde(default)]
+    pub commit: Option<String>,
     /// The GPU adapter's name, driver and backend.
     pub adapter: String,
     /// The rasterizer that rendered on it; null in files of older versions.

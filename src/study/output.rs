@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::files::{create_dir, write_file};
 use crate::report::write_png;
 use crate::scene::Image;
+use crate::version::VERSION;
 
 /// Writes `STUDY.md`, `STUDY.json`, a CSV file a table, an SVG file a picture and, where methods
 /// were put side by side, `STUDY-renders.png`; returns the Markdown.
@@ -122,6 +123,6 @@ fn caption(options: &Options, results: &Results) -> Result<String> {
         seeds.join(", "),
         n_tests.collect::<Vec<_>>().join(", "),
         adapters.join("; "),
-        env!("CARGO_PKG_VERSION"),
+        VERSION,
     ))
 }

@@ -9,6 +9,7 @@ use crate::eval::EvalOptions;
 use crate::pipeline::{self, GoOn, TrainJob};
 use crate::report::stats::Figure;
 use crate::run::{Evaluation, Metrics, RunDir, SceneRecord};
+use crate::version::VERSION;
 
 /// A planned run.
 pub(crate) struct Planned {
@@ -83,7 +84,7 @@ impl Planned {
 
     /// Says what of a finished run is not as planned.
     fn difference(&self, metrics: &Metrics) -> Option<String> {
-        if metrics.version != env!("CARGO_PKG_VERSION") {
+        if metrics.version != VERSION {
             Some(format!("it is of version {}", metrics.version))
         } else if self.job.eval_every.is_some() && metrics.curve.is_empty() {
             Some("it has no curve".to_owned())

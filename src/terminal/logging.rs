@@ -3,6 +3,7 @@
 //! | level | fields of the object |
 //! |---|---|
 //! | `info`, `warning`, `error`, `stopped` | `message` |
+//! | `page` | `address` |
 //! | `progress` | `stage`, `done`, `total`, `per_second`, `seconds_left`; in training `loss` and `gaussians` |
 
 use std::io::Write;
@@ -82,6 +83,17 @@ pub fn end(error: &Error) {
         "{}",
         line(style(), name, &error.to_string())
     );
+}
+
+/// Says at which address a page is, however quiet the program is otherwise: without its address
+/// nobody can open it.
+pub fn page(address: &str) {
+    let line = match style() {
+        Style::Json => json!({ "level": "page", "address": address }).to_string(),
+        Style::Text => format!("page: {address}"),
+    };
+    // Work goes on when nobody can read how it does.
+    let _ = writeln!(std::io::stderr(), "{line}");
 }
 
 /// Returns a message of a level as a line, without the line's end.

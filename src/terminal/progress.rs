@@ -160,6 +160,12 @@ impl Progress {
         }
     }
 
+    /// Returns the steps a second and the seconds left after `done` steps; infinite or NaN before
+    /// the first.
+    pub fn pace(&self, done: u32) -> (f64, f64) {
+        self.pace.at(done)
+    }
+
     /// Leaves the last state on the screen.
     pub fn finish(self) {
         match self.sink {

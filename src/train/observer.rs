@@ -1,6 +1,6 @@
 //! An observer is told of a training run as it goes.
 
-use super::record::LossSample;
+use super::record::{LossSample, SignalPoint};
 use super::state::State;
 use crate::error::Result;
 use crate::gpu::{Gpu, Profile};
@@ -13,6 +13,9 @@ pub trait Observer {
 
     /// Is called after every look at the losses.
     fn look(&mut self, sample: &LossSample, n_gaussians: usize);
+
+    /// Is told what the held-out views say, whenever they have been measured.
+    fn measured(&mut self, _point: &SignalPoint) {}
 
     /// Says whether the iteration that makes `done` is to be timed.
     fn times(&self, _done: u32) -> bool {

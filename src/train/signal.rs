@@ -60,17 +60,17 @@ impl Trainer<'_> {
         schedule::sh_degree(self.config, iteration.min(self.settling.from))
     }
 
-    /// Measures after `done` iterations.
+    /// Measures after `done` iterations, and returns what came of it.
     ///
     /// # Errors
     /// A view that the adapter cannot hold, or a GPU fault.
-    pub(super) fn measure(&mut self, done: u32) -> Result<()> {
+    pub(super) fn measure(&mut self, done: u32) -> Result<SignalPoint> {
         let clock = Instant::now();
         let point = self.point(done, MOST_MEASURED)?;
         self.signal.push(point);
         self.settling = self.settles();
         self.seconds.signal += clock.elapsed().as_secs_f64();
-        Ok(())
+        Ok(point)
     }
 
     /// Returns what a measurement gives after `done` iterations, of at most so many held-out views, evenly over all.

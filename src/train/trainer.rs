@@ -200,7 +200,7 @@ impl<'a> Trainer<'a> {
                 observer.timed(self.gpu)?;
             }
             if measures {
-                self.measure(done)?;
+                observer.measured(&self.measure(done)?);
                 // It may have decided that training ends.
                 observer.ends(self.settling.until);
             }

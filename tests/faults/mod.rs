@@ -65,7 +65,7 @@ fn endless_train(more: &str) -> String {
 }
 
 /// The same training as a job.
-fn job() -> TrainJob {
+pub(crate) fn job() -> TrainJob {
     let paper = Config::preset("paper").expect("a preset");
     let config = SETTINGS
         .iter()

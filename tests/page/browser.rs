@@ -98,27 +98,31 @@ pub(crate) fn is_as_opened(found: &serde_json::Value) -> bool {
     found["problems"] == serde_json::json!([])
 }
 
+/// A browser without a window, with its profile in `folder`.
+pub(crate) fn headless(folder: &Path) -> Command {
+    let mut command = Command::new(browser());
+    command
+        .args(["--headless=new", "--no-sandbox", "--use-angle=swiftshader"])
+        .args([
+            "--enable-unsafe-swiftshader",
+            "--force-prefers-reduced-motion",
+            "--window-size=900,900",
+        ])
+        .arg(format!(
+            "--user-data-dir={}",
+            folder.join("profile").display()
+        ));
+    command
+}
+
 /// Opens `page` with `after` behind its scripts and returns what that reports.
 pub(crate) fn found_in(folder: &Path, page: &str, after: &str) -> serde_json::Value {
     let probed = page.replacen("<title>", &format!("{BEFORE}<title>"), 1);
     let probed = probed.replacen("</body>", &format!("{after}</body>"), 1);
     let path = folder.join("probed.html");
     std::fs::write(&path, probed).unwrap();
-    let output = Command::new(browser())
-        .args(["--headless=new", "--no-sandbox", "--use-angle=swiftshader"])
-        .args([
-            "--enable-unsafe-swiftshader",
-            "--force-prefers-reduced-motion",
-        ])
-        .args([
-            "--virtual-time-budget=5000",
-            "--window-size=900,900",
-            "--dump-dom",
-        ])
-        .arg(format!(
-            "--user-data-dir={}",
-            folder.join("profile").display()
-        ))
+    let output = headless(folder)
+        .args(["--virtual-time-budget=5000", "--dump-dom"])
         .arg(format!("file://{}", path.display()))
         .output()
         .unwrap();

@@ -1,8 +1,8 @@
 //! `report.html`: what is in it, that names are escaped, and that it lives in a browser.
 
-mod browser;
+pub(crate) mod browser;
 mod comparison;
-mod content;
+pub(crate) mod content;
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ const SIZE: (u32, u32) = (60, 40);
 /// Not the centre.
 const PRINCIPAL: (f64, f64) = (33.0, 18.0);
 
-fn camera(name: &str, azimuth: f64) -> Camera {
+pub(crate) fn camera(name: &str, azimuth: f64) -> Camera {
     let any = Camera {
         name: String::new(),
         width: SIZE.0,
@@ -51,7 +51,7 @@ fn plain(color: [u8; 3]) -> Image {
 }
 
 /// One opaque red ball at the focus.
-fn ball() -> Gaussians {
+pub(crate) fn ball() -> Gaussians {
     Gaussians {
         means: vec![Vec3::ZERO],
         scales_log: vec![Vec3::splat(0.1f32.ln())],
@@ -68,7 +68,7 @@ fn run_with(root: &Path, name: &str) -> String {
 }
 
 /// The photograph at the test view.
-fn photograph(name: &str) -> View {
+pub(crate) fn photograph(name: &str) -> View {
     View {
         camera: camera(name, 0.4),
         image: plain([10, 10, 200]),
@@ -77,7 +77,7 @@ fn photograph(name: &str) -> View {
 }
 
 /// A finished run with one test view named `name`, and its page in it.
-fn finished(root: &Path, name: &str) -> RunDir {
+pub(crate) fn finished(root: &Path, name: &str) -> RunDir {
     let config = Config::preset("paper").unwrap();
     let run = RunDir::create(root, &config, false).unwrap();
     let cameras = [
@@ -106,7 +106,7 @@ fn finished(root: &Path, name: &str) -> RunDir {
     run
 }
 
-fn metrics(name: &str) -> Metrics {
+pub(crate) fn metrics(name: &str) -> Metrics {
     let part = ImageLoss { l1: 0.1, ssim: 0.7 };
     let sample = |iteration| LossSample {
         iteration,
@@ -123,6 +123,7 @@ fn metrics(name: &str) -> Metrics {
     };
     Metrics {
         version: "0".to_owned(),
+        commit: None,
         adapter: name.to_owned(),
         rasterizer: None,
         seed: 0,

@@ -13,6 +13,7 @@ use crate::files::write_file;
 use crate::report::{Column, Table, read_png};
 use crate::run::{Evaluation, Metrics, RunDir, SceneRecord, file_names};
 use crate::scene::View;
+use crate::version::WITH_COMMIT;
 
 /// Most test views of a scene, evenly over all of them: a run's own page has the rest. With many
 /// runs there are fewer, so that they stay large enough to see.
@@ -147,11 +148,7 @@ impl SceneRuns {
         let trained: Vec<Trained> = self
             .runs
             .iter()
-            .map(|run| Trained {
-                name: &run.name,
-                metrics: &run.metrics,
-                ssim_weight: run.ssim_weight,
-            })
+            .map(|run| Trained::of(&run.name, &run.metrics, run.ssim_weight))
             .collect();
         let plots = match trained.len() {
             ..=MAX_CURVES => curves::plots(&trained)?,
@@ -217,7 +214,7 @@ pub fn write_comparison(path: &Path, scenes: &[SceneRuns]) -> Result<()> {
     };
     let body = html! {
         h1 { (title) }
-        p.quiet { "gspotential " (env!("CARGO_PKG_VERSION")) }
+        p.quiet { "gspotential " (WITH_COMMIT) }
         @for section in &sections { (section) }
     };
     let page = document(&format!("{title} - gspotential"), body, &SCRIPTS);

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::report::plot::{Axis, Plot, Point, Style};
-use crate::run::{CurvePoint, Metrics};
+use crate::run::{CurvePoint, Metrics, ModelSize};
 use crate::train::{ImageLoss, LossSample, SignalPoint};
 
 /// Most points of a curve: a sample is of one view and jumps with it, a mean over many does not.
@@ -10,11 +10,32 @@ const MAX_POINTS: usize = 60;
 
 type Measure = fn(&CurvePoint) -> Option<f64>;
 
-/// A run's name, metrics and weight of the SSIM term.
+/// What is plotted of a run, finished or not.
 pub(crate) struct Trained<'a> {
     pub name: &'a str,
-    pub metrics: &'a Metrics,
+    /// Weight of the SSIM term.
     pub ssim_weight: f64,
+    /// Iterations so far.
+    pub iterations: u32,
+    pub loss: &'a [LossSample],
+    pub model_size: &'a [ModelSize],
+    pub curve: &'a [CurvePoint],
+    pub signal: &'a [SignalPoint],
+}
+
+impl<'a> Trained<'a> {
+    /// Takes a finished run of that name.
+    pub(crate) fn of(name: &'a str, metrics: &'a Metrics, ssim_weight: f64) -> Trained<'a> {
+        Trained {
+            name,
+            ssim_weight,
+            iterations: metrics.iterations,
+            loss: &metrics.loss,
+            model_size: &metrics.model_size,
+            curve: &metrics.curve,
+            signal: &metrics.signal,
+        }
+    }
 }
 
 /// Draws the plots of `runs` as SVG; series are named after the runs where there are several.
@@ -24,8 +45,8 @@ pub(crate) struct Trained<'a> {
 pub(crate) fn plots(runs: &[Trained]) -> Result<Vec<String>> {
     let mut plots = vec![loss(runs).to_svg()?, size(runs).to_svg()?];
     // The test views on the way are measured on request alone.
-    let points = || runs.iter().flat_map(|run| &run.metrics.curve);
-    let has_signal = runs.iter().any(|run| !run.metrics.signal.is_empty());
+    let points = || runs.iter().flat_map(|run| run.curve);
+    let has_signal = runs.iter().any(|run| !run.signal.is_empty());
     if has_signal || points().any(|p| p.psnr.is_some()) {
         plots.push(psnr(runs).to_svg()?);
     }
@@ -58,7 +79,7 @@ fn loss(runs: &[Trained]) -> Plot {
     for run in runs {
         let w = run.ssim_weight;
         let total = |part: ImageLoss| (1.0 - w) * part.l1 + w * (1.0 - part.ssim);
-        let samples = &run.metrics.loss;
+        let samples = run.loss;
         let real = means(samples, |s| Some(total(s.real)));
         let virt = means(samples, |s| s.virt.map(total));
         // That of virtual views says nothing from run to run: each has its own.
@@ -75,12 +96,12 @@ fn loss(runs: &[Trained]) -> Plot {
 fn size(runs: &[Trained]) -> Plot {
     let mut plot = over_iterations("Size", "Gaussians");
     for run in runs {
-        let sizes = run.metrics.model_size.iter();
+        let sizes = run.model_size.iter();
         let mut points: Vec<Point> = sizes
             .map(|s| Point::new(s.iteration.into(), s.n_gaussians as f64))
             .collect();
         if let Some(last) = points.last() {
-            points.push(Point::new(run.metrics.iterations.into(), last.y));
+            points.push(Point::new(run.iterations.into(), last.y));
         }
         plot = plot.with(label(runs, run), Style::Curve, points);
     }
@@ -98,7 +119,7 @@ fn psnr(runs: &[Trained]) -> Plot {
         };
         let measured = |value: fn(&SignalPoint) -> Option<f64>| -> Vec<Point> {
             let point = |p: &SignalPoint| Some(Point::new(p.iteration.into(), value(p)?));
-            run.metrics.signal.iter().filter_map(point).collect()
+            run.signal.iter().filter_map(point).collect()
         };
         let mut series = vec![
             ("test views", tested(run, |p| p.psnr)),
@@ -117,7 +138,7 @@ fn psnr(runs: &[Trained]) -> Plot {
 /// Lists a run's errors at the test views.
 fn tested(run: &Trained, value: Measure) -> Vec<Point> {
     let point = |p: &CurvePoint| Some(Point::new(p.iteration.into(), value(p)?));
-    run.metrics.curve.iter().filter_map(point).collect()
+    run.curve.iter().filter_map(point).collect()
 }
 
 /// Returns means over stretches of samples of one length, each at its stretch's end.

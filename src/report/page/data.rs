@@ -12,7 +12,7 @@ use crate::camera::{Camera, Frame};
 use crate::config::Config;
 use crate::error::Result;
 use crate::field::{Field, Focus};
-use crate::run::Metrics;
+use crate::run::SceneRecord;
 
 /// Rows of the field's grid: 2 degrees each.
 const N_ROWS: usize = 90;
@@ -23,6 +23,8 @@ pub(crate) enum CameraKind {
     Training,
     Virtual,
     Test,
+    /// It belongs to no run: it was put there to look from.
+    Placed,
 }
 
 #[derive(Debug, Serialize)]
@@ -53,13 +55,21 @@ struct Quantity {
     values: String,
 }
 
+/// The camera potential field of the training cameras.
 #[derive(Debug, Serialize)]
-pub(crate) struct PageData {
-    pub cameras: Vec<CameraData>,
+struct FieldData {
     n_rows: usize,
     quantities: Vec<Quantity>,
     /// 256 colours, RGB, base64.
     palette: String,
+}
+
+#[derive(Debug, Serialize)]
+pub(crate) struct PageData {
+    pub cameras: Vec<CameraData>,
+    /// None without training cameras.
+    #[serde(flatten)]
+    field: Option<FieldData>,
     background: [f64; 3],
     near: f64,
     /// Canonical frame.
@@ -69,19 +79,21 @@ pub(crate) struct PageData {
 }
 
 impl PageData {
-    /// Gathers what the scripts read: all `cameras` of a run, in the world, and its canonical
-    /// `frame`.
+    /// Gathers what the scripts read: all `cameras`, in the world, and the canonical `frame`;
+    /// `scene` is that of the run whose cameras they are.
     ///
     /// # Errors
-    /// No camera of the run's is a training camera.
+    /// There is no camera.
     pub(crate) fn new(
         cameras: &[Camera],
         frame: &Frame,
         config: &Config,
-        metrics: &Metrics,
+        scene: Option<&SceneRecord>,
     ) -> Result<PageData> {
-        let scene = &metrics.scene;
         let kind = |camera: &Camera| {
+            let Some(scene) = scene else {
+                return CameraKind::Placed;
+            };
             if scene.train_views.contains(&camera.name) {
                 CameraKind::Training
             } else if scene.test_views.contains(&camera.name) {
@@ -92,25 +104,15 @@ impl PageData {
         };
         let is_training = |camera: &&Camera| kind(camera) == CameraKind::Training;
         let training: Vec<Camera> = cameras.iter().filter(is_training).cloned().collect();
-        let compass = Compass::of_cameras(&training, frame.center)?;
-        let focus = Focus {
-            center: frame.center,
-            radius: frame.radius,
-            extent: frame.extent,
-            fallback: None,
-        };
-        let field = Field::new(&training, &focus, &config.field);
-        let palette: Vec<u8> = (0..=255)
-            .flat_map(|i| viridis(f64::from(i) / 255.0))
-            .collect();
+        let has_field = !training.is_empty();
+        let upright = if has_field { &training } else { cameras };
+        let compass = Compass::of_cameras(upright, frame.center)?;
         Ok(PageData {
             cameras: cameras
                 .iter()
                 .map(|camera| camera_data(camera, kind(camera), frame, &compass))
                 .collect(),
-            n_rows: N_ROWS,
-            quantities: quantities(&field, &compass),
-            palette: base64(&palette),
+            field: has_field.then(|| FieldData::new(&training, frame, config, &compass)),
             background: config.model.background,
             near: frame.near(config.model.near),
             up: compass.up().as_vec3().to_array(),
@@ -119,8 +121,33 @@ impl PageData {
         })
     }
 
+    /// Says whether there is a field to show.
+    pub(crate) fn has_field(&self) -> bool {
+        self.field.is_some()
+    }
+
     pub(crate) fn n_cameras(&self, kind: CameraKind) -> usize {
         self.cameras.iter().filter(|c| c.kind == kind).count()
+    }
+}
+
+impl FieldData {
+    fn new(training: &[Camera], frame: &Frame, config: &Config, compass: &Compass) -> FieldData {
+        let focus = Focus {
+            center: frame.center,
+            radius: frame.radius,
+            extent: frame.extent,
+            fallback: None,
+        };
+        let field = Field::new(training, &focus, &config.field);
+        let palette: Vec<u8> = (0..=255)
+            .flat_map(|i| viridis(f64::from(i) / 255.0))
+            .collect();
+        FieldData {
+            n_rows: N_ROWS,
+            quantities: quantities(&field, compass),
+            palette: base64(&palette),
+        }
     }
 }
 

@@ -6,11 +6,13 @@
 mod comparison;
 mod curves;
 mod data;
+mod live_page;
 mod packed;
 mod picture;
 mod run_page;
 
 pub use comparison::{SceneRuns, write_comparison};
+pub use live_page::{Course, LivePage, live_asset, live_gaussians, live_photograph};
 pub use run_page::write_run_page;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};

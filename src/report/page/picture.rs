@@ -52,6 +52,11 @@ pub(crate) fn picture(image: &Image, side: u32) -> Result<Picture> {
     encode(&small(image, side)?)
 }
 
+/// Encodes `image` as the bytes of a JPEG whose longer side is at most `side` pixels.
+pub(crate) fn jpeg(image: &Image, side: u32) -> Result<Vec<u8>> {
+    encoded(&small(image, side)?)
+}
+
 /// Draws the mean absolute error of the channels in every pixel, as colours up to [`MAX_ERROR`].
 ///
 /// # Errors
@@ -95,14 +100,18 @@ fn small(image: &Image, side: u32) -> Result<Image> {
 }
 
 fn encode(image: &Image) -> Result<Picture> {
+    Ok(Picture {
+        width: image.width,
+        height: image.height,
+        uri: format!("data:image/jpeg;base64,{}", base64(&encoded(image)?)),
+    })
+}
+
+fn encoded(image: &Image) -> Result<Vec<u8>> {
     let &Image { width, height, .. } = image;
     let mut bytes = Vec::new();
     JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY)
         .encode(&image.rgb, width, height, ExtendedColorType::Rgb8)
         .map_err(|e| Error::new(format!("cannot encode as JPEG: {e}")))?;
-    Ok(Picture {
-        width,
-        height,
-        uri: format!("data:image/jpeg;base64,{}", base64(&bytes)),
-    })
+    Ok(bytes)
 }

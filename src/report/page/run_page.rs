@@ -51,7 +51,7 @@ struct PageView<'a> {
 pub fn write_run_page(run: &RunDir, test: &[View], frame: &Frame) -> Result<()> {
     let (config, metrics, evaluation) = (run.config()?, run.metrics()?, run.evaluation()?);
     let cameras = read_cameras(&run.cameras())?;
-    let data = PageData::new(&cameras, frame, &config, &metrics)?;
+    let data = PageData::new(&cameras, frame, &config, Some(&metrics.scene))?;
     let stored = read_ply(&run.point_cloud())?;
     let n_gaussians = stored.gaussians.len();
     let packed = pack(&stored.to_canonical(frame), MAX_PACKED);
@@ -63,14 +63,10 @@ pub fn write_run_page(run: &RunDir, test: &[View], frame: &Frame) -> Result<()> 
         0 => None,
         _ => Some(picture(&read_png(&run.virtual_sheet())?, SHEET_SIDE)?),
     };
-    let plots = curves::plots(&[Trained {
-        name: &run.name(),
-        metrics: &metrics,
-        ssim_weight: config.loss.ssim_weight,
-    }])?;
+    let plots = curves::plots(&[Trained::of(&run.name(), &metrics, config.loss.ssim_weight)])?;
     let body = html! {
         (head(&run.name(), &config, &metrics, &evaluation))
-        (scene_section(packed.len() / PACKED_BYTES, n_gaussians))
+        (scene_section(Some((packed.len() / PACKED_BYTES, n_gaussians))))
         @if !views.is_empty() { (view_section(&views, side)) }
         (field_section(&data))
         @if let Some(sheet) = &sheet { (virtual_section(sheet, &data)) }
@@ -82,7 +78,7 @@ pub fn write_run_page(run: &RunDir, test: &[View], frame: &Frame) -> Result<()> 
         (details(&config, &metrics)?)
         script #data type="application/json" { (json(&data)?) }
         script #gaussians type="text/plain" { (base64(&packed)) }
-        @for (id, source) in SHADERS { script id=(id) type="x-shader" { (PreEscaped(source)) } }
+        (shaders())
     };
     let page = document(&format!("{} - gspotential", run.name()), body, &SCRIPTS);
     write_file(&run.report(), page.as_bytes())
@@ -139,7 +135,16 @@ fn head(name: &str, config: &Config, metrics: &Metrics, evaluation: &Evaluation)
     }
 }
 
-fn scene_section(n_shown: usize, n_gaussians: usize) -> Markup {
+/// The shaders of the viewer, which its script finds in the page.
+pub(super) fn shaders() -> Markup {
+    html! {
+        @for (id, source) in SHADERS { script id=(id) type="x-shader" { (PreEscaped(source)) } }
+    }
+}
+
+/// The viewer's part of a page; `shown` is how many Gaussians of how many it holds, where that is
+/// known beforehand.
+pub(super) fn scene_section(shown: Option<(usize, usize)>) -> Markup {
     html! {
         h2 { "Scene" }
         canvas #scene tabindex="0" aria-label="The trained scene; drag or use the arrow keys to turn it" {}
@@ -149,7 +154,7 @@ fn scene_section(n_shown: usize, n_gaussians: usize) -> Markup {
         }
         p #scene-note .quiet {
             "Drag to turn, scroll to go nearer. "
-            @if n_shown < n_gaussians {
+            @if let Some((n_shown, n_gaussians)) = shown && n_shown < n_gaussians {
                 (n_shown) " of " (n_gaussians) " Gaussians are shown, those of most weight (opacity "
                 "times area; a page holds at most " (MAX_PACKED) "). "
             }
@@ -201,7 +206,7 @@ fn image(picture: &Picture, what: &str) -> Markup {
     html! { img src=(picture.uri) width=(picture.width) height=(picture.height) alt=(what); }
 }
 
-fn field_section(data: &PageData) -> Markup {
+pub(super) fn field_section(data: &PageData) -> Markup {
     let kinds = [
         (CameraKind::Training, "training"),
         (CameraKind::Test, "test"),

@@ -2,18 +2,19 @@
 // The trained scene: Gaussians as instanced quads, blended back to front in an order that the
 // CPU sorts. Projection, low-pass filter and cut-offs are those of the trainer; colours are of
 // degree 0. The layout of a Gaussian is that of page/packed.rs.
-(() => {
+//
+// The viewer shows what the page holds, if anything: `show` replaces the Gaussians, `paint` draws
+// them into another canvas as a camera sees them. It is null where there is nothing to show it in.
+const viewer = (() => {
   const canvas = document.getElementById("scene");
-  if (!canvas) return;
+  if (!canvas) return null;
   const note = document.getElementById("scene-note");
   const gl = canvas.getContext("webgl2", { antialias: false, preserveDrawingBuffer: true });
   if (!gl) {
     note.textContent = "This browser offers no WebGL 2, which the view of the scene needs.";
-    return;
+    return null;
   }
   const data = JSON.parse(document.getElementById("data").textContent);
-  const bytes = decodeBase64(document.getElementById("gaussians").textContent);
-  const count = bytes.length / data.packed_bytes;
 
   // Vectors.
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -21,16 +22,6 @@
   const cross = (a, b) =>
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
   const unit = (a) => a.map((v) => v / Math.hypot(...a));
-
-  // Means, for sorting.
-  const view = new DataView(bytes.buffer);
-  const means = new Float32Array(3 * count);
-  for (let i = 0; i < count; i++) {
-    for (let k = 0; k < 3; k++) {
-      const u = view.getUint16(i * data.packed_bytes + 2 * k, true) / 32767.5 - 1;
-      means[3 * i + k] = u / (1 - Math.min(Math.abs(u), 0.9999));
-    }
-  }
 
   // GPU objects.
   const program = link(document.getElementById("vertex-shader").textContent,
@@ -41,17 +32,10 @@
   for (const name of ["rotation", "eye", "focal", "principal", "size", "near", "scale_log"]) {
     places[name] = uniform(name);
   }
-  const TEXELS = 1024;
-  const rows = Math.max(1, Math.ceil(count / TEXELS));
-  const texels = new Uint32Array(4 * TEXELS * rows);
-  texels.set(new Uint32Array(bytes.buffer));
   gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
-  gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32UI, TEXELS, rows, 0,
-                gl.RGBA_INTEGER, gl.UNSIGNED_INT, texels);
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
   gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-  gl.bufferData(gl.ARRAY_BUFFER, 4 * count, gl.DYNAMIC_DRAW);
   gl.enableVertexAttribArray(0);
   gl.vertexAttribIPointer(0, 1, gl.UNSIGNED_INT, 0, 0);
   gl.vertexAttribDivisor(0, 1);
@@ -76,10 +60,32 @@
     return program;
   }
 
+  // The Gaussians: means for sorting, all in a texture.
+  const TEXELS = 1024;
+  let count = 0;
+  let means, order, keys;
+  function load(bytes) {
+    count = bytes.length / data.packed_bytes;
+    const view = new DataView(bytes.buffer);
+    means = new Float32Array(3 * count);
+    for (let i = 0; i < count; i++) {
+      for (let k = 0; k < 3; k++) {
+        const u = view.getUint16(i * data.packed_bytes + 2 * k, true) / 32767.5 - 1;
+        means[3 * i + k] = u / (1 - Math.min(Math.abs(u), 0.9999));
+      }
+    }
+    order = new Uint32Array(count);
+    keys = new Uint16Array(count);
+    const rows = Math.max(1, Math.ceil(count / TEXELS));
+    const texels = new Uint32Array(4 * TEXELS * rows);
+    texels.set(new Uint32Array(bytes.buffer));
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32UI, TEXELS, rows, 0,
+                  gl.RGBA_INTEGER, gl.UNSIGNED_INT, texels);
+    gl.bufferData(gl.ARRAY_BUFFER, 4 * count, gl.DYNAMIC_DRAW);
+  }
+
   // Farthest first: a counting sort over 16 bits of the logarithm of depth.
   const BUCKETS = 65536;
-  const order = new Uint32Array(count);
-  const keys = new Uint16Array(count);
   const starts = new Uint32Array(BUCKETS + 1);
   function sort(pose) {
     const forward = pose.rotation[2];
@@ -134,6 +140,10 @@
     const scale = Math.min(window.devicePixelRatio || 1, 1.5);
     const width = Math.max(1, Math.round(canvas.clientWidth * scale));
     const height = Math.max(1, Math.round(canvas.clientHeight * scale));
+    render(pose, focal, width, height);
+  }
+
+  function render(pose, focal, width, height) {
     if (canvas.width !== width || canvas.height !== height) {
       canvas.width = width;
       canvas.height = height;
@@ -225,6 +235,20 @@
     request();
   });
 
+  // The picture goes through the viewer's own canvas, which is drawn again before it is seen.
+  function paint(camera, target) {
+    render({ rotation: camera.rotation, eye: camera.eye }, camera, target.width, target.height);
+    target.getContext("2d").drawImage(canvas, 0, 0);
+    request();
+  }
+  function show(bytes) {
+    load(bytes);
+    request();
+  }
+
+  const held = document.getElementById("gaussians");
+  load(held ? decodeBase64(held.textContent) : new Uint8Array());
   take(cameras[0]);
   request();
+  return { show, paint };
 })();
