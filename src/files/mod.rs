@@ -1,8 +1,10 @@
 //! This module reads files whole, writes them so that no half-written one stands under its name,
-//! and has the parts of formats that more than one module reads (`bytes`, `npy`, `ply`).
+//! and has the parts of formats that more than one module reads or writes (`bytes`, `gltf`, `npy`,
+//! `ply`).
 
 pub(crate) mod bytes;
 pub mod digest;
+pub(crate) mod gltf;
 pub(crate) mod npy;
 pub(crate) mod ply;
 

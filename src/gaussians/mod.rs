@@ -1,9 +1,15 @@
 //! This module has the Gaussians on the host: the model, its start from a point cloud, and its
-//! files ([`ply`], [`splat`], [`spz`]).
+//! files ([`ply`], [`splat`], [`spz`], [`gltf`]).
 
+mod format;
+pub mod gltf;
+mod placed;
 pub mod ply;
+mod sh;
 pub mod splat;
 pub mod spz;
+
+pub use format::Format;
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
