@@ -23,6 +23,7 @@ const ORDER: &[&str] = &[
     "views",
     "cloud",
     "render",
+    "mesh",
     "train",
     "eval",
     "run",

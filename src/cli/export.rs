@@ -12,6 +12,7 @@ Examples:
   gspotential export runs/garden --out garden.spz
   gspotential export runs/garden --out garden.glb
   gspotential export garden/point_cloud.ply --out garden.splat
+  gspotential export runs/garden --mesh --out garden.obj
   gspotential export runs/garden --metres a.jpg:b.jpg=1.35 --out garden.ply --cameras garden.json
 
 .spz     about a tenth of the PLY, with all SH degrees in 8 bits a value
@@ -19,9 +20,14 @@ Examples:
 .glb     glTF with KHR_gaussian_splatting, f32, y up; .gltf is the same as text. Programs that do
          not know the extension show points
 .ply     the layout of 3DGS, as point_cloud.ply of a run, which viewers open as it is. With --lean
-         without normals and empty SH degrees: viewers on the web read that, 3DGS's own does not";
+         without normals and empty SH degrees: viewers on the web read that, 3DGS's own does not
 
-/// Write a trained scene in the formats of other programs
+--mesh writes a surface mesh with a colour a vertex as .ply, .obj, .glb or .gltf instead: depth of
+the training and virtual views, fused in a grid around what the training views see within the sphere
+that they stand on. What no view saw stays open, and pieces of less than a thousandth of the mesh
+are left out.";
+
+/// Write a trained scene in the formats of other programs, or a surface mesh of it
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES, group = ArgGroup::new("size"))]
 pub(crate) struct ExportArgs {
@@ -29,8 +35,8 @@ pub(crate) struct ExportArgs {
     #[arg(value_name = "RUN|FILE.ply")]
     model: PathBuf,
 
-    /// File to write, .spz, .splat, .glb, .gltf or .ply; one of the same name is replaced. May be
-    /// given again
+    /// File to write, .spz, .splat, .glb, .gltf or .ply, with --mesh .ply, .obj, .glb or .gltf; one of
+    /// the same name is replaced. May be given again
     #[arg(long, value_name = "FILE", required = true)]
     out: Vec<PathBuf>,
 
@@ -54,6 +60,15 @@ pub(crate) struct ExportArgs {
     /// Leave properties that say nothing out of a .ply
     #[arg(long)]
     lean: bool,
+
+    /// Write a surface mesh instead of the Gaussians
+    #[arg(long)]
+    mesh: bool,
+
+    /// Voxels along the longest side of the mesh's grid: 20 bytes each, and time with their cube
+    #[arg(long, value_name = "N", default_value_t = 256, requires = "mesh",
+          value_parser = clap::value_parser!(u32).range(16..=4096))]
+    mesh_voxels: u32,
 }
 
 impl ExportArgs {
@@ -69,6 +84,7 @@ impl ExportArgs {
             },
             lean: self.lean,
             cameras: self.cameras,
+            mesh: self.mesh.then_some(self.mesh_voxels),
         })
     }
 }

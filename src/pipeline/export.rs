@@ -6,13 +6,16 @@ use std::str::FromStr;
 
 use glam::{DMat3, DVec3};
 
+use super::mesh::{Seen, surface};
 use super::posed::{frame_of_cameras, named};
 use crate::camera::compass::Compass;
 use crate::camera::json::{read_cameras, write_cameras};
 use crate::camera::{Camera, Frame, Similarity};
+use crate::config::ModelConfig;
 use crate::error::{Error, Result};
 use crate::gaussians::Format;
 use crate::gaussians::ply::{Stored, read_ply};
+use crate::mesh::{Mesh, MeshFormat};
 use crate::run::RunDir;
 
 /// Near plane of 3DGS's own viewer and of those made after it, in the file's unit.
@@ -31,6 +34,9 @@ pub struct ExportJob {
     pub lean: bool,
     /// File for the run's cameras, in the same unit.
     pub cameras: Option<PathBuf>,
+    /// Voxels along the longest side of the grid of a surface mesh, which is written in place of the
+    /// Gaussians.
+    pub mesh: Option<u32>,
 }
 
 /// The unit of what is exported.
@@ -95,31 +101,111 @@ const MOST_FACTOR: f64 = 1e12;
 /// A format that is none, a model or run that cannot be read, a unit that its cameras do not give,
 /// or what keeps a file from being written.
 pub fn export(job: &ExportJob) -> Result<()> {
-    let formats = job.out.iter().map(|path| Format::of(path));
-    let formats = formats.collect::<Result<Vec<Format>>>()?;
-    if job.lean && !formats.contains(&Format::Ply) {
-        return Err(Error::usage("--lean is for .ply files, and none is written"));
-    }
+    let formats = Formats::of(job)?;
     let source = Source::read(&job.model)?;
     let factor = source.factor(&job.size)?;
     let scaled = Similarity {
         scale: factor,
         ..Similarity::IDENTITY
     };
-    let Stored { gaussians, offset } = source.stored.clone();
-    let stored = Stored {
-        gaussians: gaussians.placed(&scaled),
-        offset: factor * offset,
-    };
-    for (path, format) in job.out.iter().zip(formats) {
-        write(path, format, &stored, job.lean, &source)?;
+    let offset = factor * source.stored.offset;
+    match formats {
+        Formats::Mesh(formats, voxels) => {
+            let mesh = source.mesh(voxels)?.placed(&scaled);
+            for (path, format) in job.out.iter().zip(formats) {
+                write_mesh(path, format, &mesh, offset, &source)?;
+            }
+        }
+        Formats::Gaussians(formats) => {
+            let gaussians = source.stored.gaussians.clone().placed(&scaled);
+            let stored = Stored { gaussians, offset };
+            for (path, format) in job.out.iter().zip(formats) {
+                write(path, format, &stored, job.lean, &source)?;
+            }
+        }
     }
     if let Some(path) = &job.cameras {
         let cameras: Vec<Camera> = source.cameras()?.iter().map(|c| scaled.camera(c)).collect();
-        write_cameras(path, &cameras, stored.offset)?;
+        write_cameras(path, &cameras, offset)?;
         log::info!("wrote {} cameras to {}", cameras.len(), path.display());
     }
     Ok(())
+}
+
+/// The formats of the files, and what they hold.
+enum Formats {
+    Gaussians(Vec<Format>),
+    Mesh(Vec<MeshFormat>, u32),
+}
+
+impl Formats {
+    /// Finds them before anything takes time.
+    fn of(job: &ExportJob) -> Result<Formats> {
+        if let Some(voxels) = job.mesh {
+            if job.lean {
+                return Err(Error::usage("--lean is for Gaussians, and a mesh is written"));
+            }
+            let formats = job.out.iter().map(|path| MeshFormat::of(path));
+            return Ok(Formats::Mesh(formats.collect::<Result<_>>()?, voxels));
+        }
+        let formats = job.out.iter().map(|path| {
+            Format::of(path).map_err(|e| match MeshFormat::of(path) {
+                Ok(_) => Error::usage("the format holds no Gaussians")
+                    .at_path(path)
+                    .way_out("add --mesh for a surface mesh"),
+                Err(_) => e,
+            })
+        });
+        let formats: Vec<Format> = formats.collect::<Result<_>>()?;
+        if job.lean && !formats.contains(&Format::Ply) {
+            return Err(Error::usage("--lean is for .ply files, and none is written"));
+        }
+        Ok(Formats::Gaussians(formats))
+    }
+}
+
+/// Writes a mesh and says how large it is.
+fn write_mesh(
+    path: &Path,
+    format: MeshFormat,
+    mesh: &Mesh,
+    offset: DVec3,
+    source: &Source,
+) -> Result<()> {
+    match format.has_up() {
+        true => {
+            let apart = Similarity {
+                translation: -offset,
+                ..Similarity::IDENTITY
+            };
+            let mesh = mesh.clone().placed(&apart).placed(&source.upright()?);
+            format.write(path, &mesh, DVec3::ZERO)?;
+        }
+        false => format.write(path, mesh, offset)?,
+    }
+    if format != MeshFormat::Ply {
+        warn_of_offset(path, offset);
+    }
+    log::info!(
+        "wrote {} triangles of {} vertices to {}",
+        mesh.triangles.len(),
+        mesh.positions.len(),
+        path.display()
+    );
+    Ok(())
+}
+
+/// Says so where a format has no place for the offset.
+fn warn_of_offset(path: &Path, offset: DVec3) {
+    if offset != DVec3::ZERO {
+        log::warn!(
+            "{}: positions are without the model's offset {} {} {}, which the format has no place for",
+            path.display(),
+            offset.x,
+            offset.y,
+            offset.z
+        );
+    }
 }
 
 /// Writes one file and says what it holds, and what it does not.
@@ -140,15 +226,8 @@ fn write(path: &Path, format: Format, stored: &Stored, lean: bool, source: &Sour
     for warning in &warnings {
         log::warn!("{}: {warning}", path.display());
     }
-    let offset = stored.offset;
-    if offset != DVec3::ZERO && !format.has_offset() {
-        log::warn!(
-            "{}: positions are without the model's offset {} {} {}, which the format has no place for",
-            path.display(),
-            offset.x,
-            offset.y,
-            offset.z
-        );
+    if !format.has_offset() {
+        warn_of_offset(path, stored.offset);
     }
     log::info!("wrote {n} Gaussians to {}", path.display());
     if n < stored.gaussians.len() {
@@ -172,8 +251,7 @@ struct Posed {
     train: Vec<Camera>,
     /// `None` where the training cameras span none.
     frame: Option<Frame>,
-    /// Near plane, in shares of the scene's extent.
-    near: f64,
+    config: ModelConfig,
 }
 
 impl Source {
@@ -215,6 +293,26 @@ impl Source {
             .at_path(&self.model)
             .way_out("name the run's directory")
         })
+    }
+
+    /// Makes the surface mesh, in the scene's own frame.
+    fn mesh(&self, voxels: u32) -> Result<Mesh> {
+        let posed = self.posed("--mesh")?;
+        let frame = posed.frame.ok_or_else(|| {
+            Error::new("the run's training cameras do not say where the scene is")
+                .at_path(&self.model)
+                .way_out("a mesh needs two training views or more that look at one place")
+        })?;
+        let is_virtual = |camera: &&Camera| camera.name.starts_with("virtual_");
+        let others: Vec<Camera> = posed.all.iter().filter(is_virtual).cloned().collect();
+        let seen = Seen {
+            gaussians: &self.stored.clone().to_canonical(&frame),
+            train: &posed.train,
+            others: &others,
+            frame,
+            config: &posed.config,
+        };
+        surface(&seen, voxels).map_err(|e| e.at_path(&self.model))
     }
 
     /// Finds how many of the file's units are one of the scene's.
@@ -313,7 +411,7 @@ impl Posed {
         };
         Ok(Posed {
             frame: frame_of_cameras(&train),
-            near: run.config()?.model.near,
+            config: run.config()?.model,
             all,
             train,
         })
@@ -321,6 +419,6 @@ impl Posed {
 
     /// Returns the distance from which on the run's cameras see, in the scene's unit.
     fn near_plane(&self) -> Option<f64> {
-        self.frame.map(|frame| self.near * frame.extent)
+        self.frame.map(|frame| self.config.near * frame.extent)
     }
 }

@@ -12,6 +12,7 @@ mod job;
 mod keep;
 mod measure;
 mod memory;
+mod mesh;
 mod moved;
 mod orbit;
 mod outputs;

@@ -101,10 +101,10 @@ impl Lists {
             let t_x = splat.t_0[0] + splat.l_xx * dx + splat.l_xy * dy;
             let t_y = splat.t_0[1] + splat.l_yy * dy;
             let alpha = splat.opacity * (-(t_x * t_x + t_y * t_y)).exp2();
-            if alpha < ALPHA_MIN {
+            if alpha < ALPHA_MIN as f32 {
                 continue;
             }
-            transmittance *= 1.0 - alpha.min(ALPHA_MAX);
+            transmittance *= 1.0 - alpha.min(ALPHA_MAX as f32);
             if transmittance <= HALF {
                 return *gaussian;
             }
