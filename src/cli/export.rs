@@ -12,10 +12,12 @@ Examples:
   gspotential export runs/garden --out garden.spz
   gspotential export runs/garden --out garden.glb
   gspotential export garden/point_cloud.ply --out garden.splat
+  gspotential export runs/garden --measure --out garden.spz --out garden.splat --out garden.sog
   gspotential export runs/garden --mesh --out garden.obj
   gspotential export runs/garden --metres a.jpg:b.jpg=1.35 --out garden.ply --cameras garden.json
 
 .spz     about a tenth of the PLY, with all SH degrees in 8 bits a value
+.sog     PlayCanvas' format, the smallest: 256 scales and colours, a palette of the other SH
 .splat   32 bytes a Gaussian and the colours of degree 0
 .glb     glTF with KHR_gaussian_splatting, f32, y up; .gltf is the same as text. Programs that do
          not know the extension show points
@@ -35,7 +37,7 @@ pub(crate) struct ExportArgs {
     #[arg(value_name = "RUN|FILE.ply")]
     model: PathBuf,
 
-    /// File to write, .spz, .splat, .glb, .gltf or .ply, with --mesh .ply, .obj, .glb or .gltf; one of
+    /// File to write, .spz, .sog, .splat, .glb, .gltf or .ply, with --mesh .ply, .obj, .glb or .gltf; one of
     /// the same name is replaced. May be given again
     #[arg(long, value_name = "FILE", required = true)]
     out: Vec<PathBuf>,
@@ -61,6 +63,11 @@ pub(crate) struct ExportArgs {
     #[arg(long)]
     lean: bool,
 
+    /// Print what each file costs: its size, and the PSNR of its renders against those of the model
+    /// at the run's training and test views
+    #[arg(long)]
+    measure: bool,
+
     /// Write a surface mesh instead of the Gaussians
     #[arg(long)]
     mesh: bool,
@@ -73,7 +80,7 @@ pub(crate) struct ExportArgs {
 
 impl ExportArgs {
     pub(crate) fn run(self) -> Result<()> {
-        pipeline::export(&ExportJob {
+        let table = pipeline::export(&ExportJob {
             model: self.model,
             out: self.out,
             size: match (self.metres, self.scale, self.viewer_safe) {
@@ -84,7 +91,12 @@ impl ExportArgs {
             },
             lean: self.lean,
             cameras: self.cameras,
+            measure: self.measure,
             mesh: self.mesh.then_some(self.mesh_voxels),
-        })
+        })?;
+        match table {
+            Some(table) => super::print(&format!("{table}\n")),
+            None => Ok(()),
+        }
     }
 }

@@ -3,9 +3,12 @@
 use std::path::Path;
 
 use super::gltf::write_gltf;
-use super::ply::{Stored, write_stored};
-use super::splat::write_splat;
-use super::spz::write_spz;
+use super::ply::{Stored, read_ply, write_stored};
+use super::sog::{read_sog, write_sog};
+use super::splat::{read_splat, write_splat};
+use super::spz::{moved, read_spz, write_spz};
+use super::Gaussians;
+use crate::camera::Similarity;
 use crate::error::{Error, Result};
 
 /// A format that Gaussians are exported in.
@@ -17,15 +20,18 @@ pub enum Format {
     Spz,
     /// 32 bytes a Gaussian.
     Splat,
+    /// PlayCanvas', compact.
+    Sog,
     /// glTF with the extension for Gaussians.
     Gltf,
 }
 
 /// Every ending with its format.
-const ENDINGS: [(&str, Format); 5] = [
+const ENDINGS: [(&str, Format); 6] = [
     ("ply", Format::Ply),
     ("spz", Format::Spz),
     ("splat", Format::Splat),
+    ("sog", Format::Sog),
     ("glb", Format::Gltf),
     ("gltf", Format::Gltf),
 ];
@@ -77,7 +83,32 @@ impl Format {
             Format::Ply => write_stored(path, stored, lean).map(|()| gaussians.len()),
             Format::Spz => write_spz(path, gaussians, warnings),
             Format::Splat => write_splat(path, gaussians, warnings),
+            Format::Sog => write_sog(path, gaussians, warnings),
             Format::Gltf => write_gltf(path, gaussians, warnings),
         }
+    }
+
+    /// Reads what [`Format::write`] has made of `written`, in the frame that this is in; `None` for a
+    /// format that has every number in f32 and no reader here.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub fn read_back(self, path: &Path, written: &Stored) -> Result<Option<Gaussians>> {
+        let read = match self {
+            Format::Ply => read_ply(path)?.gaussians,
+            Format::Spz => {
+                let moved = moved(&written.gaussians);
+                let back = Similarity {
+                    scale: 1.0 / moved.scale,
+                    translation: -moved.translation / moved.scale,
+                    ..moved
+                };
+                read_spz(path)?.placed(&back)
+            }
+            Format::Splat => read_splat(path)?,
+            Format::Sog => read_sog(path)?,
+            Format::Gltf => return Ok(None),
+        };
+        Ok(Some(read))
     }
 }

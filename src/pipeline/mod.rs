@@ -12,7 +12,6 @@ mod job;
 mod keep;
 mod measure;
 mod memory;
-mod mesh;
 mod moved;
 mod orbit;
 mod outputs;
