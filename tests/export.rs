@@ -162,8 +162,16 @@ fn gltf_is_valid_to_khronos_validator() {
             .expect("node");
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         let issues: Value = serde_json::from_str(&text).expect("a report");
-        assert_eq!(issues["numErrors"], 0, "{issues}");
-        assert_eq!(issues["numWarnings"], 0, "{issues}");
+        // A validator older than the extension takes its attributes for misspelt ones.
+        let is_known = |issue: &Value| {
+            let place = issue["pointer"].as_str().unwrap_or_default();
+            let is_name = issue["code"] == "MESH_PRIMITIVE_INVALID_ATTRIBUTE"
+                && place.contains("/attributes/KHR_gaussian_splatting:");
+            is_name || issue["code"] == "UNSUPPORTED_EXTENSION"
+        };
+        let messages = issues["messages"].as_array().expect("messages");
+        let others: Vec<&Value> = messages.iter().filter(|issue| !is_known(issue)).collect();
+        assert!(others.is_empty() && issues["truncated"] == false, "{others:?}");
     }
 }
 
