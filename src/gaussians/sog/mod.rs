@@ -13,19 +13,17 @@ mod read;
 
 pub use read::read_sog;
 
-use std::io::{Cursor, Write};
 use std::path::Path;
 
 use glam::Vec3;
 use image::codecs::webp::WebPEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use serde::{Deserialize, Serialize};
-use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, ZipWriter};
 
 use super::Gaussians;
 use crate::error::{Error, Result};
 use crate::files::write_file;
+use crate::files::zip::Zip;
 use codebook::Codebook;
 use palette::Palette;
 
@@ -264,7 +262,7 @@ impl Extent {
 
 /// The files under way.
 struct Archive {
-    zip: ZipWriter<Cursor<Vec<u8>>>,
+    zip: Zip,
     /// Width and height of the images that have a pixel a Gaussian.
     size: (usize, usize),
 }
@@ -274,7 +272,7 @@ impl Archive {
     fn new(n: usize) -> Archive {
         let width = ((n as f64).sqrt().ceil() as usize).next_multiple_of(4);
         Archive {
-            zip: ZipWriter::new(Cursor::new(Vec::new())),
+            zip: Zip::default(),
             size: (width, n.div_ceil(width).next_multiple_of(4)),
         }
     }
@@ -295,25 +293,13 @@ impl Archive {
         WebPEncoder::new_lossless(&mut bytes)
             .write_image(&rgba, width as u32, height as u32, ExtendedColorType::Rgba8)
             .map_err(|e| Error::new(format!("cannot encode as WebP: {e}")).at(name))?;
-        self.add_file(name, &bytes)
-    }
-
-    /// Adds a file as it is: images are compressed already.
-    fn add_file(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
-        let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
-        let cannot = |e: String| Error::new(format!("cannot be packed: {e}")).at(name);
-        self.zip
-            .start_file(name, options)
-            .map_err(|e| cannot(e.to_string()))?;
-        self.zip.write_all(bytes).map_err(|e| cannot(e.to_string()))
+        self.zip.add(name, &bytes)
     }
 
     fn finish(mut self, meta: &Meta) -> Result<Vec<u8>> {
         let text = serde_json::to_vec(meta)
             .map_err(|e| Error::new(format!("cannot be written as JSON: {e}")).at("meta.json"))?;
-        self.add_file("meta.json", &text)?;
-        let packed = self.zip.finish();
-        let packed = packed.map_err(|e| Error::new(format!("cannot be packed: {e}")))?;
-        Ok(packed.into_inner())
+        self.zip.add("meta.json", &text)?;
+        self.zip.finish()
     }
 }

@@ -1,19 +1,15 @@
 //! This module reads `.sog` files.
 
-use std::io::{Cursor, Read};
 use std::path::Path;
 
 use glam::Vec3;
 use image::ImageFormat;
-use zip::ZipArchive;
 
 use super::{ENTRIES_A_ROW, LARGEST_IS_W, Meta, VERSION, without_log};
 use crate::error::{Error, Result};
 use crate::files::read_file;
+use crate::files::zip::unpacked;
 use crate::gaussians::{Gaussians, MAX_SH_DEGREE, n_sh};
-
-/// Most bytes of a file in the archive.
-const MOST_BYTES: u64 = 1 << 32;
 
 /// Reads Gaussians, in the file's own frame.
 ///
@@ -21,13 +17,11 @@ const MOST_BYTES: u64 = 1 << 32;
 /// No such file, or one that does not hold what its `meta.json` says.
 pub fn read_sog(path: &Path) -> Result<Gaussians> {
     let bytes = read_file(path)?;
-    read(bytes).map_err(|e| e.at_path(path))
+    read(&bytes).map_err(|e| e.at_path(path))
 }
 
-fn read(bytes: Vec<u8>) -> Result<Gaussians> {
-    let zip = ZipArchive::new(Cursor::new(bytes));
-    let mut zip = zip.map_err(|e| Error::new(format!("not a .sog archive: {e}")))?;
-    let meta: Meta = serde_json::from_slice(&file(&mut zip, "meta.json")?)
+fn read(bytes: &[u8]) -> Result<Gaussians> {
+    let meta: Meta = serde_json::from_slice(unpacked(bytes, "meta.json")?)
         .map_err(|e| Error::new(format!("not as version 2 has it: {e}")).at("meta.json"))?;
     if meta.version != VERSION {
         return Err(Error::new(format!("version {} is not 2", meta.version)).at("meta.json"));
@@ -36,7 +30,7 @@ fn read(bytes: Vec<u8>) -> Result<Gaussians> {
     if degree > MAX_SH_DEGREE {
         return Err(Error::new(format!("SH degree {degree} is not 0 to 3")).at("meta.json"));
     }
-    let mut image = |name: &str| pixels(&mut zip, name, meta.count);
+    let image = |name: &str| pixels(bytes, name, meta.count);
     let [low, high] = [&meta.means.files[0], &meta.means.files[1]];
     let (low, high) = (image(low)?, image(high)?);
     let scales = image(&meta.scales.files[0])?;
@@ -46,7 +40,7 @@ fn read(bytes: Vec<u8>) -> Result<Gaussians> {
         None => None,
         Some(rest) => {
             let labels = image(&rest.files[1])?;
-            Some((rest, labels, pixels(&mut zip, &rest.files[0], 0)?))
+            Some((rest, labels, pixels(bytes, &rest.files[0], 0)?))
         }
     };
     let mut gaussians = Gaussians {
@@ -99,23 +93,9 @@ fn rotation([a, b, c, largest]: [u8; 4]) -> [f32; 4] {
     q
 }
 
-type Zip = ZipArchive<Cursor<Vec<u8>>>;
-
-fn file(zip: &mut Zip, name: &str) -> Result<Vec<u8>> {
-    let cannot = |e: String| Error::new(format!("cannot be read: {e}")).at(name);
-    let entry = zip.by_name(name).map_err(|e| cannot(e.to_string()))?;
-    let mut bytes = Vec::new();
-    entry
-        .take(MOST_BYTES)
-        .read_to_end(&mut bytes)
-        .map_err(|e| cannot(e.to_string()))?;
-    Ok(bytes)
-}
-
 /// Decodes an image; refuses one of fewer than `least` pixels.
-fn pixels(zip: &mut Zip, name: &str, least: usize) -> Result<Vec<[u8; 4]>> {
-    let bytes = file(zip, name)?;
-    let image = image::load_from_memory_with_format(&bytes, ImageFormat::WebP)
+fn pixels(archive: &[u8], name: &str, least: usize) -> Result<Vec<[u8; 4]>> {
+    let image = image::load_from_memory_with_format(unpacked(archive, name)?, ImageFormat::WebP)
         .map_err(|e| Error::new(format!("cannot be read as WebP: {e}")).at(name))?;
     let rgba = image.into_rgba8().into_raw();
     let (pixels, _) = rgba.as_chunks::<4>();
