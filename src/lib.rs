@@ -2,7 +2,7 @@
 //!
 //! Data flows one way: [`scene`] -> [`field`] -> [`views`] -> [`cloud`] (the point splat) ->
 //! [`train`] -> [`eval`] -> [`report`]. Beneath lie [`version`], [`error`], [`files`], [`terminal`], [`camera`],
-//! [`config`], [`gaussians`], [`gpu`], [`metrics`] and [`render`]. [`run`] stores what others
+//! [`config`], [`gaussians`], [`gpu`], [`metrics`], [`render`] and [`mesh`]. [`run`] stores what others
 //! define, [`live`] serves a page that shows a training as it runs, [`pipeline`] calls the stages in a row, [`study`] trains what a table or figure of the
 //! paper needs, [`doctor`] holds the GPU to the f64 twin beside it ([`doctor::twin`]), and [`cli`]
 //! is the commands on top. If only photographs are there, [`prior`] finds depth and cameras and
@@ -43,6 +43,7 @@ pub mod files;
 pub mod gaussians;
 pub mod gpu;
 pub mod live;
+pub mod mesh;
 pub mod metrics;
 pub mod pipeline;
 pub mod prior;

@@ -24,6 +24,7 @@ const ORDER: &[&str] = &[
     "views",
     "cloud",
     "render",
+    "mesh",
     "train",
     "eval",
     "run",

@@ -2,6 +2,7 @@
 
 pub mod compass;
 pub mod json;
+pub mod path;
 mod similarity;
 
 pub use similarity::Similarity;

@@ -2,79 +2,101 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-use glam::DVec3;
+use clap::{ArgGroup, Args};
 
-use crate::error::{Error, Result};
-use crate::gaussians::ply::{Stored, read_ply};
-use crate::gaussians::splat::write_splat;
-use crate::gaussians::spz::write_spz;
-use crate::run::RunDir;
+use crate::error::Result;
+use crate::pipeline::{self, Distance, ExportJob, Size};
 
 const EXAMPLES: &str = "\
 Examples:
   gspotential export runs/garden --out garden.spz
+  gspotential export runs/garden --out garden.glb
   gspotential export garden/point_cloud.ply --out garden.splat
+  gspotential export runs/garden --measure --out garden.spz --out garden.splat --out garden.sog
+  gspotential export runs/garden --mesh --out garden.obj
+  gspotential export runs/garden --metres a.jpg:b.jpg=1.35 --out garden.ply --cameras garden.json
 
-A .spz file is about a tenth of the PLY, with all SH degrees in 8 bits a value. A .splat file has
-32 bytes a Gaussian and the colours of degree 0. The point_cloud.ply of a run is the full model,
-which 3DGS viewers open as it is.";
+.spz     about a tenth of the PLY, with all SH degrees in 8 bits a value
+.sog     PlayCanvas' format, the smallest: 256 scales and colours, a palette of the other SH
+.splat   32 bytes a Gaussian and the colours of degree 0
+.glb     glTF with KHR_gaussian_splatting, f32, y up; .gltf is the same as text. Programs that do
+         not know the extension show points
+.ply     the layout of 3DGS, as point_cloud.ply of a run, which viewers open as it is. With --lean
+         without normals and empty SH degrees: viewers on the web read that, 3DGS's own does not
 
-/// Write a trained scene as a .spz or .splat file for viewers on the web
+--mesh writes a surface mesh with a colour a vertex as .ply, .obj, .glb or .gltf instead: depth of
+the training and virtual views, fused in a grid around what the training views see within the sphere
+that they stand on. What no view saw stays open, and pieces of less than a thousandth of the mesh
+are left out.";
+
+/// Write a trained scene in the formats of other programs, or a surface mesh of it
 #[derive(Debug, Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, group = ArgGroup::new("size"))]
 pub(crate) struct ExportArgs {
     /// Run directory, or Gaussians in the 3DGS PLY layout
     #[arg(value_name = "RUN|FILE.ply")]
     model: PathBuf,
 
-    /// File to write; one of the same name is replaced
-    #[arg(long, value_name = "FILE.spz|FILE.splat")]
-    out: PathBuf,
+    /// File to write, .spz, .sog, .splat, .glb, .gltf or .ply, with --mesh .ply, .obj, .glb or .gltf; one of
+    /// the same name is replaced. May be given again
+    #[arg(long, value_name = "FILE", required = true)]
+    out: Vec<PathBuf>,
+
+    /// Write metres, by the distance between two of the run's cameras
+    #[arg(long, value_name = "VIEW:VIEW=LENGTH", group = "size")]
+    metres: Option<Distance>,
+
+    /// Multiply all lengths by FACTOR
+    #[arg(long, value_name = "FACTOR", group = "size")]
+    scale: Option<f64>,
+
+    /// Multiply all lengths by the power of 2 from which viewers with a near plane of 0.2 cut off
+    /// nothing that the run's cameras see
+    #[arg(long, group = "size")]
+    viewer_safe: bool,
+
+    /// Write the run's cameras, too, in the unit of the files and in the frame of all but glTF
+    #[arg(long, value_name = "FILE.json")]
+    cameras: Option<PathBuf>,
+
+    /// Leave properties that say nothing out of a .ply
+    #[arg(long)]
+    lean: bool,
+
+    /// Print what each file costs: its size, and the PSNR of its renders against those of the model
+    /// at the run's training and test views
+    #[arg(long)]
+    measure: bool,
+
+    /// Write a surface mesh instead of the Gaussians
+    #[arg(long)]
+    mesh: bool,
+
+    /// Voxels along the longest side of the mesh's grid: 20 bytes each, and time with their cube
+    #[arg(long, value_name = "N", default_value_t = 256, requires = "mesh",
+          value_parser = clap::value_parser!(u32).range(16..=4096))]
+    mesh_voxels: u32,
 }
 
 impl ExportArgs {
     pub(crate) fn run(self) -> Result<()> {
-        let write = match self.out.extension().and_then(|ext| ext.to_str()) {
-            Some("spz") => write_spz,
-            Some("splat") => write_splat,
-            _ => {
-                return Err(Error::usage("the formats to export are .spz and .splat")
-                    .at_path(&self.out)
-                    .way_out("name a file that ends in one of them"));
-            }
-        };
-        let model = if self.model.is_dir() {
-            RunDir::open(&self.model)?.point_cloud()
-        } else {
-            self.model
-        };
-        let Stored { gaussians, offset } = read_ply(&model)?;
-        if gaussians.heaviest(1).is_empty() {
-            return Err(Error::new(format!(
-                "none of the {} Gaussians is ever drawn, so there is nothing to export",
-                gaussians.len()
-            ))
-            .at_path(&model)
-            .way_out("train the scene again, or name another model"));
+        let table = pipeline::export(&ExportJob {
+            model: self.model,
+            out: self.out,
+            size: match (self.metres, self.scale, self.viewer_safe) {
+                (Some(distance), ..) => Size::Metres(distance),
+                (_, Some(factor), _) => Size::Factor(factor),
+                (.., true) => Size::ViewerSafe,
+                _ => Size::AsItIs,
+            },
+            lean: self.lean,
+            cameras: self.cameras,
+            measure: self.measure,
+            mesh: self.mesh.then_some(self.mesh_voxels),
+        })?;
+        match table {
+            Some(table) => super::print(&format!("{table}\n")),
+            None => Ok(()),
         }
-        let mut warnings = Vec::new();
-        let n = write(&self.out, &gaussians, &mut warnings)?;
-        for warning in &warnings {
-            log::warn!("{}: {warning}", self.out.display());
-        }
-        if offset != DVec3::ZERO {
-            log::warn!(
-                "positions are without the model's offset {} {} {}, which the format has no place for",
-                offset.x,
-                offset.y,
-                offset.z
-            );
-        }
-        log::info!("wrote {n} Gaussians to {}", self.out.display());
-        if n < gaussians.len() {
-            log::info!("{} others are never drawn", gaussians.len() - n);
-        }
-        Ok(())
     }
 }

@@ -5,7 +5,10 @@ use std::path::PathBuf;
 use clap::{ArgGroup, Args};
 
 use crate::error::Result;
-use crate::pipeline::{self, CameraSource, RenderFormat, RenderJob, ViewSelection};
+use crate::pipeline::{
+    self, CameraSource, ImageFiles, RenderFormat, RenderJob, RenderTarget, ViewSelection,
+};
+use crate::report::FilmTarget;
 use crate::scene::SceneSource;
 
 const EXAMPLES: &str = "\
@@ -13,11 +16,20 @@ Examples:
   gspotential render --model runs/garden/point_cloud.ply --scene scenes/garden --out views
   gspotential render --model runs/garden/point_cloud.ply --cameras runs/garden/cameras.json \\
       --views virtual --format exr --out views
-  gspotential render --model runs/garden/point_cloud.ply --scene scenes/garden --orbit 120 --out turn";
+  gspotential render --model runs/garden/point_cloud.ply --scene scenes/garden --orbit 120 --out turn
+  gspotential render --model runs/garden/point_cloud.ply --cameras runs/garden/cameras.json \\
+      --path 240 --y4m - | ffmpeg -i - -pix_fmt yuv420p -colorspace bt709 -color_primaries bt709 \\
+      -color_trc iec61966-2-1 garden.mp4
 
-/// Render a trained scene to image files
+A film has 24 frames a second in 4:2:0, BT.709's matrix, limited range. YUV4MPEG2 cannot name the
+matrix, so the encoder is told, as above. An odd width or height loses its last column or row.
+--path goes through the views in the order of --views or of the file, and stops at both ends; a
+file of your own cameras, in the layout of a run's cameras.json, lays any path.";
+
+/// Render a trained scene to image files or a film
 #[derive(Debug, Args)]
-#[command(after_help = EXAMPLES, group = ArgGroup::new("where").required(true))]
+#[command(after_help = EXAMPLES, group = ArgGroup::new("where").required(true),
+          group = ArgGroup::new("what").required(true))]
 pub(crate) struct RenderArgs {
     /// Gaussians in the 3DGS PLY layout
     #[arg(long, value_name = "FILE.ply")]
@@ -31,19 +43,28 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "cameras.json", group = "where")]
     cameras: Option<PathBuf>,
 
-    /// Views to render: `train` or `test` (with --scene), `virtual`, or names separated by commas
-    /// [default: a scene's test views, every camera of a file]
+    /// Views to render: `train`, `test` or `virtual`, or names separated by commas
+    /// [default: a scene's test views, every camera of a file; for --path the training views of a
+    /// scene or a run]
     #[arg(long, value_name = "WHICH")]
     views: Option<String>,
 
-    /// Render N views around the scene instead, and orbit.png, which is animated
-    #[arg(long, value_name = "N", conflicts_with = "views",
+    /// Render N views around the scene instead, and with --out orbit.png, which is animated
+    #[arg(long, value_name = "N", conflicts_with_all = ["views", "path"],
           value_parser = clap::value_parser!(u32).range(2..=10_000))]
     orbit: Option<u32>,
 
+    /// Render N views on a smooth path through the views instead
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=100_000))]
+    path: Option<u32>,
+
     /// Folder for the images; files of the same names are replaced
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    #[arg(long, value_name = "DIR", group = "what")]
+    out: Option<PathBuf>,
+
+    /// Write the views as one film, uncompressed for an encoder, to this file or with `-` to stdout
+    #[arg(long, value_name = "FILE.y4m|-", group = "what", conflicts_with_all = ["format", "depth", "alpha"])]
+    y4m: Option<PathBuf>,
 
     /// File format of the images
     #[arg(long, value_enum, default_value_t = RenderFormat::Png)]
@@ -64,6 +85,15 @@ impl RenderArgs {
             (Some(scene), _) => CameraSource::Scene(scene.resolved()?),
             (None, file) => CameraSource::File(file.unwrap_or_default()),
         };
+        let target = match self.y4m {
+            Some(path) => RenderTarget::Film(FilmTarget::new(&path)),
+            None => RenderTarget::Images(ImageFiles {
+                folder: self.out.unwrap_or_default(),
+                format: self.format,
+                depth: self.depth,
+                alpha: self.alpha,
+            }),
+        };
         let job = RenderJob {
             model: self.model,
             cameras,
@@ -71,13 +101,19 @@ impl RenderArgs {
                 Some(n) => Some(ViewSelection::Orbit(n)),
                 None => self.views.map(|which| selection(&which)),
             },
-            out: self.out,
-            format: self.format,
-            depth: self.depth,
-            alpha: self.alpha,
+            path: self.path,
+            target,
         };
-        let n_images = pipeline::render(&job)?;
-        log::info!("wrote {n_images} images to {}", job.out.display());
+        let n = pipeline::render(&job)?;
+        match &job.target {
+            RenderTarget::Images(files) => {
+                log::info!("wrote {n} images to {}", files.folder.display());
+            }
+            RenderTarget::Film(FilmTarget::File(path)) => {
+                log::info!("wrote {n} frames to {}", path.display());
+            }
+            RenderTarget::Film(FilmTarget::Stdout) => log::info!("wrote {n} frames"),
+        }
         Ok(())
     }
 }

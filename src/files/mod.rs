@@ -1,10 +1,13 @@
 //! This module reads files whole, writes them so that no half-written one stands under its name,
-//! and has the parts of formats that more than one module reads (`bytes`, `npy`, `ply`).
+//! and has the parts of formats that more than one module reads or writes (`bytes`, `gltf`, `npy`,
+//! `ply`, `zip`).
 
 pub(crate) mod bytes;
 pub mod digest;
+pub(crate) mod gltf;
 pub(crate) mod npy;
 pub(crate) mod ply;
+pub(crate) mod zip;
 
 use std::fs::{self, File};
 use std::io::{self, Read, Write};

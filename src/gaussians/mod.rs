@@ -1,9 +1,16 @@
 //! This module has the Gaussians on the host: the model, its start from a point cloud, and its
-//! files ([`ply`], [`splat`], [`spz`]).
+//! files ([`ply`], [`splat`], [`spz`], [`sog`], [`gltf`]).
 
+mod format;
+pub mod gltf;
+mod placed;
 pub mod ply;
+mod sh;
+pub mod sog;
 pub mod splat;
 pub mod spz;
+
+pub use format::Format;
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;

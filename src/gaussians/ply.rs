@@ -23,12 +23,23 @@ use crate::error::{Error, Result};
 use crate::files::ply::{read_header, scalar_bytes};
 use crate::files::{read_file, write_file};
 
+/// Which properties a row has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Row {
+    /// All of the layout.
+    Whole,
+    /// All but the normals, which say nothing.
+    Lean,
+}
+
 /// Returns the property names in the order of the layout.
-fn property_names(sh_degree: u32) -> Vec<String> {
+fn property_names(sh_degree: u32, row: Row) -> Vec<String> {
     let fixed = |names: &[&str]| names.iter().map(|n| n.to_string()).collect::<Vec<_>>();
-    let mut names = fixed(&[
-        "x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2",
-    ]);
+    let mut names = fixed(&["x", "y", "z"]);
+    if row == Row::Whole {
+        names.extend(fixed(&["nx", "ny", "nz"]));
+    }
+    names.extend(fixed(&["f_dc_0", "f_dc_1", "f_dc_2"]));
     names.extend((0..3 * (n_sh(sh_degree) - 1)).map(|i| format!("f_rest_{i}")));
     names.extend(fixed(&[
         "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
@@ -41,7 +52,7 @@ const MOST_HEADER_BYTES: usize = 2048;
 
 /// Returns the most Gaussians of a degree whose file has at most so many bytes.
 pub fn most_in(bytes: usize, sh_degree: u32) -> usize {
-    let row = size_of::<f32>() * property_names(sh_degree).len();
+    let row = size_of::<f32>() * property_names(sh_degree, Row::Whole).len();
     bytes.saturating_sub(MOST_HEADER_BYTES) / row
 }
 
@@ -50,12 +61,41 @@ pub fn most_in(bytes: usize, sh_degree: u32) -> usize {
 /// # Errors
 /// What keeps the file from being written.
 pub fn write_ply(path: &Path, gaussians: &Gaussians, frame: &Frame) -> Result<()> {
-    let names = property_names(gaussians.sh_degree);
+    let offset = frame.offset();
+    let stored = Frame {
+        center: frame.center - offset,
+        ..*frame
+    };
+    write_rows(path, gaussians, &stored, offset, Row::Whole)
+}
+
+/// Writes what [`read_ply`] has read. A `lean` file has neither normals nor SH degrees in which no
+/// Gaussian has a coefficient.
+///
+/// # Errors
+/// What keeps the file from being written.
+pub fn write_stored(path: &Path, stored: &Stored, lean: bool) -> Result<()> {
+    let Stored { gaussians, offset } = stored;
+    if !lean {
+        return write_rows(path, gaussians, &Frame::IDENTITY, *offset, Row::Whole);
+    }
+    let gaussians = gaussians.clone().without_empty_degrees();
+    write_rows(path, &gaussians, &Frame::IDENTITY, *offset, Row::Lean)
+}
+
+/// Writes Gaussians in the frame that `stored` takes them to, in which `offset` has been taken out.
+fn write_rows(
+    path: &Path,
+    gaussians: &Gaussians,
+    stored: &Frame,
+    offset: DVec3,
+    row: Row,
+) -> Result<()> {
+    let names = property_names(gaussians.sh_degree, row);
     let mut header = format!(
         "ply\nformat binary_little_endian 1.0\nelement vertex {}\n",
         gaussians.len()
     );
-    let offset = frame.offset();
     if offset != DVec3::ZERO {
         let line = format!(
             "comment offsetx {}\ncomment offsety {}\ncomment offsetz {}\nelement",
@@ -63,10 +103,6 @@ pub fn write_ply(path: &Path, gaussians: &Gaussians, frame: &Frame) -> Result<()
         );
         header = header.replacen("element", &line, 1);
     }
-    let stored = Frame {
-        center: frame.center - offset,
-        ..*frame
-    };
     for name in &names {
         // Writing to a String cannot fail.
         let _ = writeln!(header, "property float {name}");
@@ -81,10 +117,10 @@ pub fn write_ply(path: &Path, gaussians: &Gaussians, frame: &Frame) -> Result<()
         .enumerate()
         .for_each_init(
             || Vec::with_capacity(names.len()),
-            |row, (i, out)| {
-                row.clear();
-                push_row(gaussians, i, &stored, row);
-                for (out, value) in out.chunks_exact_mut(4).zip(row) {
+            |values, (i, out)| {
+                values.clear();
+                push_row(gaussians, i, stored, row, values);
+                for (out, value) in out.chunks_exact_mut(4).zip(values) {
                     out.copy_from_slice(&value.to_le_bytes());
                 }
             },
@@ -93,18 +129,20 @@ pub fn write_ply(path: &Path, gaussians: &Gaussians, frame: &Frame) -> Result<()
 }
 
 /// Appends one Gaussian's properties in the order of the layout.
-fn push_row(gaussians: &Gaussians, i: usize, frame: &Frame, row: &mut Vec<f32>) {
+fn push_row(gaussians: &Gaussians, i: usize, frame: &Frame, row: Row, values: &mut Vec<f32>) {
     let n_sh = gaussians.n_sh();
     let sh = &gaussians.sh[i * n_sh * 3..][..n_sh * 3];
     let mean = frame.to_world(gaussians.means[i].as_dvec3()).as_vec3();
     let scale_log = gaussians.scales_log[i].as_dvec3() + DVec3::splat(frame.radius.ln());
-    row.extend(mean.to_array());
-    row.extend([0.0; 3]);
-    row.extend(&sh[..3]);
-    row.extend((0..3).flat_map(|c| (1..n_sh).map(move |k| sh[k * 3 + c])));
-    row.push(gaussians.opacity_logits[i]);
-    row.extend(scale_log.as_vec3().to_array());
-    row.extend(gaussians.rotations_wxyz[i]);
+    values.extend(mean.to_array());
+    if row == Row::Whole {
+        values.extend([0.0; 3]);
+    }
+    values.extend(&sh[..3]);
+    values.extend((0..3).flat_map(|c| (1..n_sh).map(move |k| sh[k * 3 + c])));
+    values.push(gaussians.opacity_logits[i]);
+    values.extend(scale_log.as_vec3().to_array());
+    values.extend(gaussians.rotations_wxyz[i]);
 }
 
 /// Gaussians as a file has them.

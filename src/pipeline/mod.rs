@@ -6,6 +6,7 @@ mod chosen;
 mod depth;
 mod dry_run;
 mod evaluate;
+mod export;
 mod field;
 mod job;
 mod keep;
@@ -15,6 +16,7 @@ mod moved;
 mod orbit;
 mod outputs;
 mod photographs;
+mod posed;
 mod prepare;
 mod profile;
 mod render;
@@ -25,6 +27,7 @@ mod watch;
 
 pub use dry_run::{DryRun, dry_run};
 pub use evaluate::{compare, evaluate, evaluation_at_hand};
+pub use export::{Distance, ExportJob, Size, export};
 pub use field::{Advice, FieldMaps, FieldReport, Place, Uncovered, field};
 pub use job::TrainJob;
 pub use memory::Forecast;
@@ -42,6 +45,7 @@ use std::time::Instant;
 use crate::camera::{Camera, Frame};
 use crate::error::Result;
 use crate::field::Focus;
+use crate::report::FilmTarget;
 use crate::scene::{self, LoadOptions, Scene, SceneSource, View};
 
 /// A request to `render`.
@@ -51,10 +55,29 @@ pub struct RenderJob {
     pub model: PathBuf,
     /// The scene or camera file whose cameras are rendered.
     pub cameras: CameraSource,
-    /// The views to render; `None`: a scene's test views, or every camera of a file.
+    /// The views to render; `None`: a scene's test views, or every camera of a file, and for a path
+    /// the training views where they are known.
     pub views: Option<ViewSelection>,
+    /// So many views on a smooth path through the chosen ones, in place of them.
+    pub path: Option<u32>,
+    /// What is written.
+    pub target: RenderTarget,
+}
+
+/// What `render` writes.
+#[derive(Clone, Debug, PartialEq)]
+pub enum RenderTarget {
+    /// A file or more a view.
+    Images(ImageFiles),
+    /// All views as one film.
+    Film(FilmTarget),
+}
+
+/// The image files of `render`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImageFiles {
     /// Folder for the images; created if it is not there.
-    pub out: PathBuf,
+    pub folder: PathBuf,
     /// File format of the colour images.
     pub format: RenderFormat,
     /// Expected depth beside each image, 32-bit float EXR, in the scene's unit.
@@ -75,9 +98,9 @@ pub enum CameraSource {
 /// Which cameras `render` renders.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ViewSelection {
-    /// A scene's training views; refused for a camera file.
+    /// The training views of a scene, or of the run whose camera file it is.
     Train,
-    /// A scene's test views; refused for a camera file.
+    /// The test views of a scene, or of the run whose camera file it is.
     Test,
     /// The virtual views: drawn anew for a scene, those of the run for a camera file.
     Virtual,

@@ -2,32 +2,33 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::DVec3;
-
 use super::depth::depth;
 use super::orbit::orbit;
-use super::{CameraSource, RenderFormat, RenderJob, ViewSelection, cameras, focus_of, load_scene};
+use super::posed::{around, frame_of_cameras, named};
+use super::{CameraSource, ImageFiles, RenderFormat, RenderJob, RenderTarget, ViewSelection};
+use super::{cameras, focus_of, load_scene};
 use crate::camera::json::read_cameras;
-use crate::camera::{Camera, Frame};
+use crate::camera::{Camera, Frame, path};
 use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
 use crate::field::{Field, Focus};
 use crate::files::create_dir;
+use crate::gaussians::Gaussians;
 use crate::gaussians::ply::read_ply;
 use crate::gpu::Gpu;
 use crate::metrics::quantize;
 use crate::render::{Kernels, Model, Rendered, Renderer, ViewUniform};
-use crate::report::{write_animation, write_exr, write_grey_png, write_png};
-use crate::run::{RunDir, file_names};
-use crate::scene::{LoadOptions, PointCloud};
+use crate::report::{film_size, write_animation, write_exr, write_film, write_grey_png, write_png};
+use crate::run::{RunDir, SceneRecord, file_names};
+use crate::scene::{Image, LoadOptions, PointCloud};
 use crate::terminal::progress::Progress;
 use crate::views::virtual_views;
 
-/// Names of views that an error lists: a line of hundreds helps nobody.
-const MAX_LISTED: usize = 8;
-
 /// Renders a model; returns the number of images written.
 pub fn render(job: &RenderJob) -> Result<usize> {
+    if let RenderTarget::Film(target) = &job.target {
+        target.check()?;
+    }
     let config = Config::preset(PRESETS[0].0)?;
     let stored = read_ply(&job.model)?;
     let n_broken = stored.gaussians.n_broken();
@@ -38,63 +39,118 @@ pub fn render(job: &RenderJob) -> Result<usize> {
             stored.gaussians.len()
         );
     }
-    let (cameras, frame) = choose(job, &config)?;
+    let (mut cameras, frame) = choose(job, &config)?;
     if cameras.is_empty() {
         return Err(Error::new("no camera to render from")
             .way_out("name others with --views, or a scene that has test views"));
     }
+    if let Some(n) = job.path {
+        cameras = path::along(&cameras, n)?;
+    }
     let gpu = Gpu::open()?;
-    create_dir(&job.out)?;
+    if let RenderTarget::Images(files) = &job.target {
+        create_dir(&files.folder)?;
+    }
     log::info!("adapter: {}", gpu.describe());
-    let mut progress = Progress::stage("rendering", cameras.len() as u32);
     let kernels = Kernels::new(&gpu);
     let gaussians = stored.to_canonical(&frame);
-    let model = Model::upload(&gpu, &gaussians, gaussians.len())?;
-    let mut renderer = Renderer::new(&gpu, &kernels);
-    let names: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
-    let files = file_names(&names, "png");
-    let near = frame.near(config.model.near);
-    let mut render = |i: usize| {
-        let camera = frame.camera_to_canonical(&cameras[i]);
-        let path = job.out.join(&files[i]);
-        let view = ViewUniform::new(&camera, near, config.model.background);
-        let at = |e: Error| e.at(&cameras[i].name);
-        let image = renderer.render(&model, &view).map_err(at)?;
-        write_image(job, &path, &image)?;
-        if job.depth {
-            let depth = depth(&gpu, &mut renderer, &gaussians, &camera, near).map_err(at)?;
-            let grey = depth.iter().flat_map(|d| [d * frame.radius as f32; 3]);
-            let path = beside(&path, "_depth.exr");
-            write_exr(
-                &path,
-                image.width,
-                image.height,
-                &grey.collect::<Vec<f32>>(),
-            )?;
-        }
-        progress.advance(i as u32 + 1);
-        quantize(image.width, image.height, &image.rgb)
+    let mut shots = Shots {
+        gpu: &gpu,
+        model: Model::upload(&gpu, &gaussians, gaussians.len())?,
+        renderer: Renderer::new(&gpu, &kernels),
+        gaussians: &gaussians,
+        cameras: &cameras,
+        frame,
+        near: frame.near(config.model.near),
+        background: config.model.background,
+        progress: Progress::stage("rendering", cameras.len() as u32),
     };
-    match job.views {
-        Some(ViewSelection::Orbit(n)) => {
-            let size = (cameras[0].width, cameras[0].height);
-            let path = job.out.join("orbit.png");
-            write_animation(&path, size, n, |i| render(i as usize))?;
+    let n = cameras.len() as u32;
+    let size = (cameras[0].width, cameras[0].height);
+    match &job.target {
+        RenderTarget::Film(target) => {
+            let film = film_size(size);
+            if film != size {
+                log::info!(
+                    "the film is {}x{}: its chroma needs even sizes, so a row or column is left out",
+                    film.0,
+                    film.1
+                );
+            }
+            write_film(target, size, n, |i| {
+                let image = shots.take(i as usize)?;
+                quantize(image.width, image.height, &image.rgb)
+            })?;
         }
-        _ => (0..cameras.len()).try_for_each(|i| render(i).map(|_| ()))?,
+        RenderTarget::Images(files) => {
+            let names: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
+            let names = file_names(&names, "png");
+            let mut write = |i: usize| shots.write(i, files, &files.folder.join(&names[i]));
+            match job.views {
+                Some(ViewSelection::Orbit(n)) => {
+                    let path = files.folder.join("orbit.png");
+                    write_animation(&path, size, n, |i| write(i as usize))?;
+                }
+                _ => (0..cameras.len()).try_for_each(|i| write(i).map(|_| ()))?,
+            }
+        }
     }
-    progress.finish();
+    shots.progress.finish();
     Ok(cameras.len())
 }
 
-/// Writes a render and, where the job asks for it, its opacity.
-fn write_image(job: &RenderJob, png: &Path, image: &Rendered) -> Result<()> {
+/// A model that is rendered from cameras, one after the other.
+struct Shots<'a> {
+    gpu: &'a Gpu,
+    model: Model,
+    renderer: Renderer<'a>,
+    /// The model, in the canonical frame.
+    gaussians: &'a Gaussians,
+    /// In the scene's own frame.
+    cameras: &'a [Camera],
+    frame: Frame,
+    near: f64,
+    background: [f64; 3],
+    progress: Progress,
+}
+
+impl Shots<'_> {
+    /// Renders from camera `i`.
+    fn take(&mut self, i: usize) -> Result<Rendered> {
+        let camera = self.frame.camera_to_canonical(&self.cameras[i]);
+        let view = ViewUniform::new(&camera, self.near, self.background);
+        let image = self.renderer.render(&self.model, &view);
+        self.progress.advance(i as u32 + 1);
+        image.map_err(|e| e.at(&camera.name))
+    }
+
+    /// Renders from camera `i` and writes what `files` asks for, the image as `path` or beside it;
+    /// returns the image.
+    fn write(&mut self, i: usize, files: &ImageFiles, path: &Path) -> Result<Image> {
+        let image = self.take(i)?;
+        write_image(files, path, &image)?;
+        if files.depth {
+            let camera = self.frame.camera_to_canonical(&self.cameras[i]);
+            let renderer = &mut self.renderer;
+            let depth = depth(self.gpu, renderer, self.gaussians, &camera, self.near);
+            let depth = depth.map_err(|e| e.at(&camera.name))?;
+            let radius = self.frame.radius as f32;
+            let grey: Vec<f32> = depth.iter().flat_map(|d| [d * radius; 3]).collect();
+            let path = beside(path, "_depth.exr");
+            write_exr(&path, image.width, image.height, &grey)?;
+        }
+        quantize(image.width, image.height, &image.rgb)
+    }
+}
+
+/// Writes a render and, where that is asked for, its opacity.
+fn write_image(files: &ImageFiles, png: &Path, image: &Rendered) -> Result<()> {
     let &Rendered { width, height, .. } = image;
-    match job.format {
+    match files.format {
         RenderFormat::Png => write_png(png, &quantize(width, height, &image.rgb)?)?,
         RenderFormat::Exr => write_exr(&beside(png, ".exr"), width, height, &image.rgb)?,
     }
-    if job.alpha {
+    if files.alpha {
         write_grey_png(&beside(png, "_alpha.png"), width, height, &image.alpha)?;
     }
     Ok(())
@@ -116,6 +172,7 @@ fn choose(job: &RenderJob, config: &Config) -> Result<(Vec<Camera>, Frame)> {
             let (focus, frame) = focus_of(&scene)?;
             let train = cameras(&scene.train);
             let chosen = match &job.views {
+                None if job.path.is_some() => train,
                 Some(ViewSelection::Train) => train,
                 Some(ViewSelection::Test) | None => cameras(&scene.test),
                 Some(ViewSelection::Virtual) => {
@@ -132,21 +189,28 @@ fn choose(job: &RenderJob, config: &Config) -> Result<(Vec<Camera>, Frame)> {
         }
         CameraSource::File(path) => {
             let all = read_cameras(path)?;
-            let frame = frame_of_run(path, &all).unwrap_or_else(|| around(&all));
+            let record = record_beside(path);
+            let frame = record.as_ref().and_then(|record| frame_of_cameras(&named(&record.train_views, &all).ok()?));
+            let frame = frame.unwrap_or_else(|| around(&all));
             let is_virtual = |camera: &&Camera| camera.name.starts_with("virtual_");
-            let chosen = match &job.views {
-                None => all,
-                Some(ViewSelection::Virtual) => all.iter().filter(is_virtual).cloned().collect(),
-                Some(ViewSelection::Names(names)) => named(names, &all)?,
-                Some(ViewSelection::Orbit(n)) => {
+            let chosen = match (&job.views, &record) {
+                (None, Some(record)) if job.path.is_some() => named(&record.train_views, &all)?,
+                (None, _) => all,
+                (Some(ViewSelection::Virtual), _) => {
+                    all.iter().filter(is_virtual).cloned().collect()
+                }
+                (Some(ViewSelection::Names(names)), _) => named(names, &all)?,
+                (Some(ViewSelection::Orbit(n)), _) => {
                     let taken: Vec<Camera> =
                         all.iter().filter(|c| !is_virtual(c)).cloned().collect();
                     // Without a cloud only cameras that look at one place say where it is.
                     orbit(&taken, &Focus::find(&taken, &PointCloud::default())?, *n)?
                 }
-                Some(ViewSelection::Train | ViewSelection::Test) => {
+                (Some(ViewSelection::Train), Some(record)) => named(&record.train_views, &all)?,
+                (Some(ViewSelection::Test), Some(record)) => named(&record.test_views, &all)?,
+                (Some(ViewSelection::Train | ViewSelection::Test), None) => {
                     return Err(Error::usage(
-                        "a camera file does not say which views are for training or testing",
+                        "only a run's own cameras.json says which views are for training or testing",
                     )
                     .way_out("name views, or give the scene with --scene"));
                 }
@@ -156,52 +220,12 @@ fn choose(job: &RenderJob, config: &Config) -> Result<(Vec<Camera>, Frame)> {
     }
 }
 
-fn named(names: &[String], cameras: &[Camera]) -> Result<Vec<Camera>> {
-    names
-        .iter()
-        .map(|name| {
-            let found = cameras.iter().find(|camera| camera.name == *name);
-            found.cloned().ok_or_else(|| {
-                let mut known: Vec<&str> = cameras.iter().map(|c| c.name.as_str()).collect();
-                let n_known = known.len();
-                if n_known > MAX_LISTED {
-                    known.truncate(MAX_LISTED);
-                    known.push("...");
-                }
-                Error::usage(format!("no view is named `{}`", name.escape_debug()))
-                    .way_out(format!("the {n_known} views are {}", known.join(", ")))
-            })
-        })
-        .collect()
-}
-
-/// Finds the frame of the run whose `cameras.json` it is, so that near planes are where its
-/// evaluation has them; `None` where the file is no run's, or its training cameras span none.
-fn frame_of_run(path: &Path, all: &[Camera]) -> Option<Frame> {
+/// Returns what the run whose `cameras.json` it is says of its scene; `None` where the file is no
+/// run's.
+fn record_beside(path: &Path) -> Option<SceneRecord> {
     let run = RunDir::open(path.parent()?).ok()?;
     if run.cameras().file_name() != path.file_name() {
         return None;
     }
-    let train = named(&run.metrics().ok()?.scene.train_views, all).ok()?;
-    let focus = Focus::find(&train, &PointCloud::default()).ok()?;
-    Some(focus.frame())
-}
-
-/// Returns a frame about cameras alone: their mean, and the greatest distance from it.
-fn around(cameras: &[Camera]) -> Frame {
-    let n = cameras.len().max(1) as f64;
-    let center = cameras
-        .iter()
-        .map(|camera| camera.center() / n)
-        .sum::<DVec3>();
-    let reach = cameras
-        .iter()
-        .map(|c| c.center().distance(center))
-        .fold(0.0, f64::max);
-    let radius = if reach > 0.0 { reach } else { 1.0 };
-    Frame {
-        center,
-        radius,
-        extent: radius,
-    }
+    Some(run.metrics().ok()?.scene)
 }

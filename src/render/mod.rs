@@ -12,6 +12,7 @@
 mod buffers;
 mod capacity;
 mod kernels;
+mod median;
 mod model;
 mod pass;
 mod pose;
@@ -23,6 +24,7 @@ mod workspace;
 pub use buffers::WorkspaceBytes;
 pub use capacity::{Capacity, first_pairs, most_pairs};
 pub use kernels::{Bound, Device, Kernels};
+pub use median::NO_MEDIAN;
 pub use model::{BLOCK_PLANES, Model, block_bytes, model_bytes, most_gaussians, n_blocks};
 pub use pass::{Pass, PassStep};
 pub use pose::{PoseGradient, PoseKernels};

@@ -40,6 +40,11 @@ impl<'a> Renderer<'a> {
         }
     }
 
+    /// Returns what the last render was made with and in.
+    pub(super) fn parts(&self) -> (&'a Gpu, &'a Kernels, Option<&Workspace>) {
+        (self.gpu, self.kernels, self.workspace.as_ref())
+    }
+
     /// Renders `view` with SH up to the model's degree.
     ///
     /// # Errors

@@ -160,7 +160,7 @@ impl Workspace {
     }
 
     /// Returns (Gaussian, pair) in the same order, in the half that the sort has left.
-    fn tile_splats(&self) -> &Buffer {
+    pub(super) fn tile_splats(&self) -> &Buffer {
         self.pair_halves()[1 - self.all("pair_passes").len() % 2]
     }
 

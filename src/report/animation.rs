@@ -9,7 +9,7 @@ use crate::files::write_file;
 use crate::scene::Image;
 
 /// Shown for a 24th of a second each.
-const FRAMES_PER_SECOND: u16 = 24;
+pub(super) const FRAMES_PER_SECOND: u16 = 24;
 
 /// Writes `n_frames` frames of one size, as `frame` makes them, to be played for ever.
 ///

@@ -12,6 +12,7 @@ pub mod plot;
 mod sheet;
 pub mod stats;
 mod table;
+mod y4m;
 
 pub use agreement::agreement_table;
 pub use animation::write_animation;
@@ -25,6 +26,7 @@ pub use page::{
 };
 pub use sheet::{ContactSheet, mask_image};
 pub use table::{Cell, Column, Table};
+pub use y4m::{FilmTarget, film_size, write_film};
 
 use std::io::Cursor;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! This module writes `.spz` files: Niantic's compressed format, version 2, a tenth of a PLY or
+//! This module writes and reads `.spz` files: Niantic's compressed format, version 2, a tenth of a PLY or
 //! less.
 //!
 //! A gzip stream of a header of 16 bytes and then, each for all Gaussians: means as 24-bit fixed
@@ -7,6 +7,9 @@
 //! x right, y down, z forward. <https://github.com/nianticlabs/spz>
 
 mod fit;
+mod read;
+
+pub use read::read_spz;
 
 use std::io::Write;
 use std::path::Path;
@@ -15,6 +18,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 
 use super::{Gaussians, SH_0};
+use crate::camera::Similarity;
 use crate::error::{Error, Result};
 use crate::files::write_file;
 use fit::{Grid, fit};
@@ -60,6 +64,18 @@ pub fn write_spz(path: &Path, gaussians: &Gaussians, warnings: &mut Vec<String>)
     let zipped = zipped.map_err(|e| Error::new(format!("cannot compress: {e}")).at_path(path))?;
     write_file(path, &zipped)?;
     Ok(chosen.len())
+}
+
+/// Returns how [`write_spz`] moves the frame of these Gaussians.
+pub fn moved(gaussians: &Gaussians) -> Similarity {
+    let mut chosen = gaussians.heaviest(gaussians.len());
+    let grid = fit(gaussians, &mut chosen, &mut Vec::new());
+    let scale = f64::from(grid.scale_log()).exp();
+    Similarity {
+        scale,
+        translation: -scale * grid.origin,
+        ..Similarity::IDENTITY
+    }
 }
 
 /// Lists what is stored as something else than it is by more than rounding: for each kind of value
