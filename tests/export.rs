@@ -53,7 +53,10 @@ fn gaussians_in_another_frame_are_the_same_seen_from_there() {
             let turn = similarity.rotation;
             let expected = turn * covariance(&before, i) * turn.transpose() * 6.25;
             let off = (covariance(&after, i) - expected).to_cols_array();
-            let size = expected.to_cols_array().iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+            let size = expected
+                .to_cols_array()
+                .iter()
+                .fold(0.0, |m: f64, v| m.max(v.abs()));
             assert!(off.iter().all(|v| v.abs() < 1e-5 * size), "{off:?}");
             for _ in 0..5 {
                 let direction = random.in_cube(1.0).normalize();
@@ -74,9 +77,13 @@ fn gltf(path: &Path) -> (Value, Vec<u8>) {
     if path.extension().is_some_and(|ext| ext == "gltf") {
         let json: Value = serde_json::from_slice(&bytes).unwrap();
         let uri = json["buffers"][0]["uri"].as_str().unwrap();
-        let text = uri.strip_prefix("data:application/octet-stream;base64,").unwrap();
+        let text = uri
+            .strip_prefix("data:application/octet-stream;base64,")
+            .unwrap();
         use base64::Engine as _;
-        let data = base64::engine::general_purpose::STANDARD.decode(text).unwrap();
+        let data = base64::engine::general_purpose::STANDARD
+            .decode(text)
+            .unwrap();
         return (json, data);
     }
     let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
@@ -171,7 +178,10 @@ fn gltf_is_valid_to_khronos_validator() {
         };
         let messages = issues["messages"].as_array().expect("messages");
         let others: Vec<&Value> = messages.iter().filter(|issue| !is_known(issue)).collect();
-        assert!(others.is_empty() && issues["truncated"] == false, "{others:?}");
+        assert!(
+            others.is_empty() && issues["truncated"] == false,
+            "{others:?}"
+        );
     }
 }
 
@@ -211,7 +221,10 @@ fn compact_formats_are_read_back_within_their_steps() {
         let splat = read_splat(&at("a.splat")).unwrap();
         let spz = read_spz(&at("a.spz")).unwrap();
         let sog = read_sog(&at("a.sog")).unwrap();
-        assert_eq!((splat.sh_degree, spz.sh_degree, sog.sh_degree), (0, degree, degree));
+        assert_eq!(
+            (splat.sh_degree, spz.sh_degree, sog.sh_degree),
+            (0, degree, degree)
+        );
         for (name, read, place, size, turn, sh) in [
             ("splat", &splat, 1e-6, 1e-6, 0.02, 0.02),
             ("spz", &spz, 1e-5, 0.04, 0.05, 0.08),
@@ -225,19 +238,30 @@ fn compact_formats_are_read_back_within_their_steps() {
                 };
                 let near = |k: &usize| (read.means[*k] - mean).length();
                 let k = (0..500).min_by(|a, b| near(a).total_cmp(&near(b))).unwrap();
-                assert!(near(&k) < place * f32::max(1.0, mean.length()), "{name}: {}", near(&k));
+                assert!(
+                    near(&k) < place * f32::max(1.0, mean.length()),
+                    "{name}: {}",
+                    near(&k)
+                );
                 let scale = gaussians.scales_log[i] + moved_log(name, &moved);
                 let off = (read.scales_log[k] - scale).abs().max_element();
                 assert!(off < size, "{name}: size {off}");
                 let (a, b) = (read.rotation(k).unwrap(), gaussians.rotation(i).unwrap());
                 let along: f32 = a.iter().zip(b).map(|(a, b)| a * b).sum();
                 assert!(1.0 - along.abs() < turn, "{name}: turn {along}");
-                assert!((read.opacity(k) - gaussians.opacity(i)).abs() < 0.003, "{name}");
-                let clamped = |gaussians: &Gaussians, i| gaussians.base_color(i).clamp(Vec3::ZERO, Vec3::ONE);
+                assert!(
+                    (read.opacity(k) - gaussians.opacity(i)).abs() < 0.003,
+                    "{name}"
+                );
+                let clamped =
+                    |gaussians: &Gaussians, i| gaussians.base_color(i).clamp(Vec3::ZERO, Vec3::ONE);
                 let off = clamped(read, k) - clamped(&gaussians, i);
                 assert!(off.abs().max_element() < 0.01, "{name}: colour {off}");
                 let n = 3 * gaussians.n_sh();
-                let (own, there) = (&gaussians.sh[i * n..][3..n], read.sh.get(k * n..(k + 1) * n));
+                let (own, there) = (
+                    &gaussians.sh[i * n..][3..n],
+                    read.sh.get(k * n..(k + 1) * n),
+                );
                 if name == "splat" {
                     continue;
                 }
@@ -260,18 +284,27 @@ fn moved_log(name: &str, moved: &Similarity) -> f32 {
 fn a_damaged_compact_file_is_an_error() {
     let (folder, _) = scratch("a");
     let gaussians = lifelike(60, 1);
-    for (name, format) in [("a.spz", Format::Spz), ("a.splat", Format::Splat), ("a.sog", Format::Sog)] {
+    for (name, format) in [
+        ("a.spz", Format::Spz),
+        ("a.splat", Format::Splat),
+        ("a.sog", Format::Sog),
+    ] {
         let path = folder.path().join(name);
         let stored = Stored {
             gaussians: gaussians.clone(),
             offset: DVec3::ZERO,
         };
-        format.write(&path, &stored, false, &mut Vec::new()).unwrap();
+        format
+            .write(&path, &stored, false, &mut Vec::new())
+            .unwrap();
         let whole = std::fs::read(&path).unwrap();
         for n in [0, 1, 20, whole.len() / 2 + 3, whole.len() - 1] {
             std::fs::write(&path, &whole[..n]).unwrap();
             let read = format.read_back(&path, &stored);
-            assert!(read.is_err() || n == 0 && name == "a.splat", "{name} of {n} bytes");
+            assert!(
+                read.is_err() || n == 0 && name == "a.splat",
+                "{name} of {n} bytes"
+            );
         }
     }
 }
@@ -338,7 +371,10 @@ fn a_run_is_exported_in_metres_upright_and_as_a_mesh() {
     let log = export("--viewer-safe --out safe.ply").log;
     let safe = read_ply(&at("safe.ply")).unwrap().gaussians;
     let grown = (safe.scales_log[0].x - model.scales_log[0].x) / std::f32::consts::LN_2;
-    assert!(grown > 0.5 && (grown - grown.round()).abs() < 1e-4, "{grown}: {log}");
+    assert!(
+        grown > 0.5 && (grown - grown.round()).abs() < 1e-4,
+        "{grown}: {log}"
+    );
 
     // Upwards is y there and z here, as the cameras stand; their ups are not quite the world's.
     export("--out up.glb --out same.splat");
@@ -350,7 +386,8 @@ fn a_run_is_exported_in_metres_upright_and_as_a_mesh() {
         assert!(off.abs() < 1e-3, "a rotation keeps lengths: {off}");
     }
     let dot: f32 = pairs().map(|(here, there)| here.z * there[1]).sum();
-    let squares = |of: &dyn Fn(&(&Vec3, &[f32])) -> f32| pairs().map(|p| of(&p).powi(2)).sum::<f32>();
+    let squares =
+        |of: &dyn Fn(&(&Vec3, &[f32])) -> f32| pairs().map(|p| of(&p).powi(2)).sum::<f32>();
     let alike = dot / (squares(&|p| p.0.z) * squares(&|p| p.1[1])).sqrt();
     assert!(alike > 0.9, "{alike}");
 
@@ -378,21 +415,73 @@ fn exports_that_cannot_be_are_refused() {
         ("run --mesh --lean --out a.ply", 2, &["--lean"]),
         ("run --mesh --measure --out a.ply", 2, &["--measure"]),
         ("run --lean --out a.spz", 2, &["--lean"]),
-        ("run --out a.ply --metres train_00.png:nobody=2", 2, &["`nobody`", "train_01.png"]),
-        ("run --out a.ply --metres train_00.png:train_00.png=2", 2, &["one place"]),
-        ("run --out a.ply --metres train_00.png:train_01.png=0", 2, &["above 0"]),
-        ("run --out a.ply --metres train_00.png:train_01.png=x", 2, &["VIEW:VIEW=LENGTH"]),
-        ("run --out a.ply --metres train_00.png:train_01.png=1e300", 2, &["f32"]),
+        (
+            "run --out a.ply --metres train_00.png:nobody=2",
+            2,
+            &["`nobody`", "train_01.png"],
+        ),
+        (
+            "run --out a.ply --metres train_00.png:train_00.png=2",
+            2,
+            &["one place"],
+        ),
+        (
+            "run --out a.ply --metres train_00.png:train_01.png=0",
+            2,
+            &["above 0"],
+        ),
+        (
+            "run --out a.ply --metres train_00.png:train_01.png=x",
+            2,
+            &["VIEW:VIEW=LENGTH"],
+        ),
+        (
+            "run --out a.ply --metres train_00.png:train_01.png=1e300",
+            2,
+            &["f32"],
+        ),
         ("run --out a.ply --scale 0", 2, &["--scale"]),
         ("run --out a.ply --scale nan", 2, &["--scale"]),
-        ("run --out a.ply --scale 2 --viewer-safe", 2, &["--viewer-safe"]),
-        ("run/point_cloud.ply --out a.ply --metres a:b=2", 2, &["--metres", "run's directory"]),
-        ("run/point_cloud.ply --out a.ply --viewer-safe", 2, &["run's directory"]),
-        ("run/point_cloud.ply --out a.ply --cameras a.json", 2, &["run's directory"]),
-        ("run/point_cloud.ply --mesh --out a.ply", 2, &["run's directory"]),
-        ("run/point_cloud.ply --measure --out a.ply", 2, &["run's directory"]),
-        ("run --mesh --mesh-voxels 8 --out a.ply", 2, &["--mesh-voxels"]),
-        ("run --mesh --mesh-voxels 4096 --out a.ply", 1, &["MiB", "--mesh-voxels"]),
+        (
+            "run --out a.ply --scale 2 --viewer-safe",
+            2,
+            &["--viewer-safe"],
+        ),
+        (
+            "run/point_cloud.ply --out a.ply --metres a:b=2",
+            2,
+            &["--metres", "run's directory"],
+        ),
+        (
+            "run/point_cloud.ply --out a.ply --viewer-safe",
+            2,
+            &["run's directory"],
+        ),
+        (
+            "run/point_cloud.ply --out a.ply --cameras a.json",
+            2,
+            &["run's directory"],
+        ),
+        (
+            "run/point_cloud.ply --mesh --out a.ply",
+            2,
+            &["run's directory"],
+        ),
+        (
+            "run/point_cloud.ply --measure --out a.ply",
+            2,
+            &["run's directory"],
+        ),
+        (
+            "run --mesh --mesh-voxels 8 --out a.ply",
+            2,
+            &["--mesh-voxels"],
+        ),
+        (
+            "run --mesh --mesh-voxels 4096 --out a.ply",
+            1,
+            &["MiB", "--mesh-voxels"],
+        ),
     ] {
         let ended = run(folder.path(), &format!("export {rest}"));
         assert_eq!(ended.code, Some(code), "{rest}: {}", ended.log);

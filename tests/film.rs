@@ -31,7 +31,10 @@ fn a_path_goes_through_its_cameras_at_an_even_pace_and_without_a_corner() {
         .map(|w| w[1].center() - w[0].center())
         .collect();
     let lengths = || steps.iter().map(|step| step.length());
-    let (least, most) = (lengths().fold(f64::MAX, f64::min), lengths().fold(0.0, f64::max));
+    let (least, most) = (
+        lengths().fold(f64::MAX, f64::min),
+        lengths().fold(0.0, f64::max),
+    );
     assert!(most < 1.5 * least, "{least} {most}");
     for pair in steps.windows(2) {
         assert!(pair[0].angle_between(pair[1]) < 0.05, "a corner");
@@ -66,7 +69,10 @@ fn a_path_takes_other_sizes_to_the_first_one_and_skips_what_stands_still() {
 
 fn planes(film: &[u8]) -> Vec<[Vec<u8>; 3]> {
     let mut decoder = y4m::decode(film).expect("a film");
-    assert_eq!(decoder.get_colorspace(), y4m::Colorspace::C420jpeg);
+    assert!(matches!(
+        decoder.get_colorspace(),
+        y4m::Colorspace::C420jpeg
+    ));
     assert!(decoder.get_raw_params().ends_with(b"XCOLORRANGE=LIMITED"));
     let mut frames = Vec::new();
     while let Ok(frame) = decoder.read_frame() {
@@ -112,7 +118,9 @@ fn a_film_has_the_colours_of_bt709_in_limited_range_and_even_sizes() {
             rgb: vec![0; 3 * 3 * (5 + i as usize)],
         })
     };
-    let error = write_film(&target, (5, 3), 2, sizes).unwrap_err().to_string();
+    let error = write_film(&target, (5, 3), 2, sizes)
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("6x3") && error.contains("--path"), "{error}");
     assert!(write_film(&target, (1, 3), 1, sizes).is_err());
 }
@@ -138,7 +146,10 @@ fn a_film_of_a_path_or_an_orbit_goes_to_stdout() {
     assert_eq!(views.len(), 3);
     assert!(path[0] == views[0] && path[4] == views[2] && path[2] != views[0]);
     assert_eq!(film("--orbit 4").len(), 4);
-    succeed(folder.path(), "render --model m.ply --cameras c.json --path 3 --out v");
+    succeed(
+        folder.path(),
+        "render --model m.ply --cameras c.json --path 3 --out v",
+    );
     assert!(at("v/path_002.png").is_file());
 }
 
@@ -157,11 +168,19 @@ fn paths_and_films_that_cannot_be_are_refused() {
     write_cameras(&at("two.json"), &two, DVec3::ZERO).unwrap();
     write_ply(&at("m.ply"), &distinct(20, 0), &Frame::IDENTITY).unwrap();
     for (rest, code, part) in [
-        ("--cameras one.json --path 5 --out v", 2, "two cameras that differ"),
+        (
+            "--cameras one.json --path 5 --out v",
+            2,
+            "two cameras that differ",
+        ),
         ("--cameras none.json --path 5 --out v", 1, "no camera"),
         ("--cameras two.json --views a,c --path 5 --out v", 2, "`c`"),
         ("--cameras two.json --path 1 --out v", 2, "--path"),
-        ("--cameras two.json --path 5 --orbit 5 --out v", 2, "--orbit"),
+        (
+            "--cameras two.json --path 5 --orbit 5 --out v",
+            2,
+            "--orbit",
+        ),
         ("--cameras two.json --path 5", 2, "--y4m"),
         ("--cameras two.json --out v --y4m f.y4m", 2, "--y4m"),
         ("--cameras two.json --y4m f.y4m --depth", 2, "--depth"),

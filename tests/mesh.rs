@@ -20,9 +20,15 @@ fn median_depth_lies_on_a_tilted_plane_behind_a_veil() {
     let mut gaussians = Gaussians::default();
     let mut add = |mean: Vec3, sigma: f32, opacity: f32| {
         gaussians.means.push(mean);
-        gaussians.scales_log.push(Vec3::new(sigma, sigma, 1e-3).map(f32::ln));
-        gaussians.rotations_wxyz.push([tilt.w, tilt.x, tilt.y, tilt.z]);
-        gaussians.opacity_logits.push((opacity / (1.0 - opacity)).ln());
+        gaussians
+            .scales_log
+            .push(Vec3::new(sigma, sigma, 1e-3).map(f32::ln));
+        gaussians
+            .rotations_wxyz
+            .push([tilt.w, tilt.x, tilt.y, tilt.z]);
+        gaussians
+            .opacity_logits
+            .push((opacity / (1.0 - opacity)).ln());
         gaussians.sh.extend([0.5, 0.5, 0.5]);
     };
     for i in -4..=4 {
@@ -59,7 +65,10 @@ fn median_depth_lies_on_a_tilted_plane_behind_a_veil() {
         );
         let ray = view.rotation.transpose() * ray;
         let exact = -view.center().dot(normal) / ray.dot(normal);
-        assert!((f64::from(*found) - exact).abs() < 2e-3, "{x} {y}: {found} {exact}");
+        assert!(
+            (f64::from(*found) - exact).abs() < 2e-3,
+            "{x} {y}: {found} {exact}"
+        );
         n_seen += 1;
     }
     assert!(n_seen > 300 && n_seen < 64 * 48, "{n_seen}");
@@ -94,10 +103,18 @@ fn fused_depth_gives_the_true_surface_with_open_holes_and_its_colours() {
     let cameras = test_cameras(160, 24);
     let (mesh, grid) = exact_mesh(&cameras, 96);
     assert!(mesh.triangles.len() > 5_000, "{}", mesh.triangles.len());
-    let mut off: Vec<f64> = mesh.positions.iter().map(|p| surface_distance(*p).abs()).collect();
+    let mut off: Vec<f64> = mesh
+        .positions
+        .iter()
+        .map(|p| surface_distance(*p).abs())
+        .collect();
     off.sort_unstable_by(f64::total_cmp);
     let (median, most) = (off[off.len() / 2], off[off.len() * 95 / 100]);
-    println!("median {:.2}, 95 % within {:.2} voxels", median / grid.voxel, most / grid.voxel);
+    println!(
+        "median {:.2}, 95 % within {:.2} voxels",
+        median / grid.voxel,
+        most / grid.voxel
+    );
     assert!(median < 0.3 * grid.voxel && most < 1.5 * grid.voxel);
 
     // Triangles face the free space before them.
@@ -122,22 +139,35 @@ fn fused_depth_gives_the_true_surface_with_open_holes_and_its_colours() {
         };
         for p in image.points(2).iter().filter(|p| p.distance(CENTER) < 1.2) {
             n += 1;
-            let nearest = tree.nearest_neighbor_iter_with_distance_2(p.to_array()).next();
+            let nearest = tree
+                .nearest_neighbor_iter_with_distance_2(p.to_array())
+                .next();
             let (vertex, squared) = nearest.unwrap();
             if squared.sqrt() < 1.5 * grid.voxel {
                 n_near += 1;
                 let i = mesh.positions.iter().position(|p| p.to_array() == *vertex);
                 let (pixel, _) = camera.project(*p);
                 let at = 3 * (pixel.y as usize * 80 + pixel.x as usize);
-                let seen = traced.image.rgb[at..at + 3].iter().map(|v| f32::from(*v) / 255.0);
-                let differences = seen.zip(mesh.colors[i.unwrap()]).map(|(a, b)| (a - b).abs());
+                let seen = traced.image.rgb[at..at + 3]
+                    .iter()
+                    .map(|v| f32::from(*v) / 255.0);
+                let differences = seen
+                    .zip(mesh.colors[i.unwrap()])
+                    .map(|(a, b)| (a - b).abs());
                 color_off += differences.sum::<f32>() / 3.0;
             }
         }
     }
     let complete = f64::from(n_near) / f64::from(n);
-    println!("complete to {:.1} %, colours off by {:.3}", 100.0 * complete, color_off / n_near as f32);
-    assert!(complete > 0.9 && color_off / (n_near as f32) < 0.1, "{complete}");
+    println!(
+        "complete to {:.1} %, colours off by {:.3}",
+        100.0 * complete,
+        color_off / n_near as f32
+    );
+    assert!(
+        complete > 0.9 && color_off / (n_near as f32) < 0.1,
+        "{complete}"
+    );
 }
 
 #[test]
@@ -167,8 +197,12 @@ fn grids_without_a_surface_or_beyond_memory_are_refused() {
     }
     let cube = [DVec3::ZERO, DVec3::ONE];
     let error = Grid::around(&cube, 3000).unwrap_err().to_string();
-    assert!(error.contains("MiB") && error.contains("--mesh-voxels"), "{error}");
+    assert!(
+        error.contains("MiB") && error.contains("--mesh-voxels"),
+        "{error}"
+    );
     let grid = Grid::around(&cube, 100).unwrap();
     assert!(grid.size.iter().all(|n| (100..=102).contains(n)), "{grid}");
-    assert_eq!(grid.bytes() / 20, grid.size.iter().map(|n| u64::from(*n)).product());
+    let n_voxels: u64 = grid.size.iter().map(|n| u64::from(*n)).product();
+    assert_eq!(grid.bytes() / 20, n_voxels);
 }

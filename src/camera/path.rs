@@ -32,7 +32,10 @@ pub fn along(cameras: &[Camera], n: u32) -> Result<Vec<Camera>> {
     let camera = |i: u32| {
         let time = end * f64::from(i) / f64::from(n.max(2) - 1);
         // The last key that is not later, but for the end of the path.
-        let k = times.partition_point(|t| *t <= time).clamp(1, keys.len() - 1) - 1;
+        let k = times
+            .partition_point(|t| *t <= time)
+            .clamp(1, keys.len() - 1)
+            - 1;
         let span = times[k + 1] - times[k];
         let share = ((time - times[k]) / span).clamp(0.0, 1.0);
         let at = hermite(

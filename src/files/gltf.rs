@@ -55,7 +55,8 @@ impl Gltf {
         };
         self.accessors[accessor]["min"] = json!(bound(f32::INFINITY, f32::min));
         self.accessors[accessor]["max"] = json!(bound(f32::NEG_INFINITY, f32::max));
-        self.attributes.insert("POSITION".to_owned(), json!(accessor));
+        self.attributes
+            .insert("POSITION".to_owned(), json!(accessor));
     }
 
     /// Adds an attribute of `N` floats a vertex.
@@ -77,7 +78,8 @@ impl Gltf {
         let stored: Vec<[u16; 4]> = stored.collect();
         let accessor = self.add(&stored, "VEC4", UNSIGNED_SHORT, ARRAY);
         self.accessors[accessor]["normalized"] = json!(true);
-        self.attributes.insert("COLOR_0".to_owned(), json!(accessor));
+        self.attributes
+            .insert("COLOR_0".to_owned(), json!(accessor));
     }
 
     /// Adds the corners of triangles, anticlockwise seen from outside.
@@ -87,7 +89,13 @@ impl Gltf {
     }
 
     /// Adds values in a row; returns the number of their accessor.
-    fn add<T: NoUninit>(&mut self, values: &[T], shape: &str, component: u32, target: u32) -> usize {
+    fn add<T: NoUninit>(
+        &mut self,
+        values: &[T],
+        shape: &str,
+        component: u32,
+        target: u32,
+    ) -> usize {
         let bytes: &[u8] = bytemuck::cast_slice(values);
         self.views.push(json!({
             "buffer": 0,

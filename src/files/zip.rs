@@ -76,7 +76,8 @@ impl Zip {
         for word in [0, 0, self.n, self.n] {
             self.bytes.extend(word.to_le_bytes());
         }
-        self.bytes.extend((self.directory.len() as u32).to_le_bytes());
+        self.bytes
+            .extend((self.directory.len() as u32).to_le_bytes());
         self.bytes.extend(at.to_le_bytes());
         self.bytes.extend([0; 2]);
         Ok(self.bytes)
@@ -108,7 +109,9 @@ pub(crate) fn unpacked<'a>(bytes: &'a [u8], name: &str) -> Result<&'a [u8]> {
             let header = bytes.get(local..local + LOCAL_BYTES).ok_or_else(damaged)?;
             let skipped = |at: usize| usize::from(u16::from_le_bytes([header[at], header[at + 1]]));
             let first = local + LOCAL_BYTES + skipped(26) + skipped(28);
-            let content = bytes.get(first..first + long(24) as usize).ok_or_else(damaged)?;
+            let content = bytes
+                .get(first..first + long(24) as usize)
+                .ok_or_else(damaged)?;
             if crc32fast::hash(content) != long(16) {
                 return Err(Error::new("is damaged").at(name).way_out("copy it again"));
             }

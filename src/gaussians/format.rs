@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
+use super::Gaussians;
 use super::gltf::write_gltf;
 use super::ply::{Stored, read_ply, write_stored};
 use super::sog::{read_sog, write_sog};
 use super::splat::{read_splat, write_splat};
 use super::spz::{moved, read_spz, write_spz};
-use super::Gaussians;
 use crate::camera::Similarity;
 use crate::error::{Error, Result};
 

@@ -29,8 +29,7 @@ impl Gaussians {
             if let Some([w, x, y, z]) = self.rotation(i) {
                 let [w, x, y, z] = [w, x, y, z].map(f64::from);
                 let turned = (turn * DQuat::from_xyzw(x, y, z, w)).normalize();
-                self.rotations_wxyz[i] =
-                    [turned.w, turned.x, turned.y, turned.z].map(|q| q as f32);
+                self.rotations_wxyz[i] = [turned.w, turned.x, turned.y, turned.z].map(|q| q as f32);
             }
         }
         let turn = ShRotation::new(similarity.rotation);

@@ -49,13 +49,19 @@ pub fn read_splat(path: &Path) -> Result<Gaussians> {
     let mut gaussians = Gaussians::default();
     for row in rows {
         let float = |k: usize| f32::from_le_bytes(std::array::from_fn(|i| row[4 * k + i]));
-        gaussians.means.push(Vec3::new(float(0), float(1), float(2)));
+        gaussians
+            .means
+            .push(Vec3::new(float(0), float(1), float(2)));
         let scales = Vec3::new(float(3), float(4), float(5)).to_array();
-        gaussians.scales_log.push(Vec3::from_array(scales.map(f32::ln)));
+        gaussians
+            .scales_log
+            .push(Vec3::from_array(scales.map(f32::ln)));
         let color = |c: usize| (f32::from(row[24 + c]) / 255.0 - 0.5) / SH_0 as f32;
         gaussians.sh.extend([0, 1, 2].map(color));
         let opacity = f32::from(row[27]) / 255.0;
-        gaussians.opacity_logits.push((opacity / (1.0 - opacity)).ln());
+        gaussians
+            .opacity_logits
+            .push((opacity / (1.0 - opacity)).ln());
         let turn = |k: usize| f32::from(row[28 + k]) / 128.0 - 1.0;
         gaussians.rotations_wxyz.push([0, 1, 2, 3].map(turn));
     }

@@ -72,7 +72,10 @@ impl MeshFormat {
 fn ply(mesh: &Mesh, positions: &[[f32; 3]], offset: DVec3) -> Vec<u8> {
     let mut header = "ply\nformat binary_little_endian 1.0\n".to_owned();
     if offset != DVec3::ZERO {
-        for (name, value) in ["offsetx", "offsety", "offsetz"].iter().zip(offset.to_array()) {
+        for (name, value) in ["offsetx", "offsety", "offsetz"]
+            .iter()
+            .zip(offset.to_array())
+        {
             // Writing to a String cannot fail.
             let _ = writeln!(header, "comment {name} {value}");
         }

@@ -190,7 +190,9 @@ fn choose(job: &RenderJob, config: &Config) -> Result<(Vec<Camera>, Frame)> {
         CameraSource::File(path) => {
             let all = read_cameras(path)?;
             let record = record_beside(path);
-            let frame = record.as_ref().and_then(|record| frame_of_cameras(&named(&record.train_views, &all).ok()?));
+            let frame = record
+                .as_ref()
+                .and_then(|record| frame_of_cameras(&named(&record.train_views, &all).ok()?));
             let frame = frame.unwrap_or_else(|| around(&all));
             let is_virtual = |camera: &&Camera| camera.name.starts_with("virtual_");
             let chosen = match (&job.views, &record) {

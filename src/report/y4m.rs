@@ -34,11 +34,8 @@ impl FilmTarget {
     /// Refuses a terminal, which cannot show a film.
     pub fn check(&self) -> Result<()> {
         if *self == FilmTarget::Stdout && io::stdout().is_terminal() {
-            return Err(
-                Error::usage("the film would be written to the terminal").way_out(
-                    "pipe it into an encoder, as the examples of --help do, or name a file",
-                ),
-            );
+            return Err(Error::usage("the film would be written to the terminal")
+                .way_out("pipe it into an encoder, as the examples of --help do, or name a file"));
         }
         Ok(())
     }

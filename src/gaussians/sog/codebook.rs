@@ -52,7 +52,10 @@ impl Codebook {
 
     /// Returns the number of the value nearest to `sample`.
     pub(super) fn nearest(&self, sample: f32) -> u8 {
-        let above = self.values.partition_point(|value| *value < sample).min(N - 1);
+        let above = self
+            .values
+            .partition_point(|value| *value < sample)
+            .min(N - 1);
         let below = above.saturating_sub(1);
         match sample - self.values[below] <= self.values[above] - sample {
             true => below as u8,

@@ -187,7 +187,10 @@ fn pack_rest(gaussians: &Gaussians, chosen: &[usize], archive: &mut Archive) -> 
         [r, g, b, 255]
     });
     let count = palette.entries.len() / (n_sh - 3);
-    let size = (ENTRIES_A_ROW * (n_sh / 3 - 1), count.div_ceil(ENTRIES_A_ROW));
+    let size = (
+        ENTRIES_A_ROW * (n_sh / 3 - 1),
+        count.div_ceil(ENTRIES_A_ROW),
+    );
     archive.add_sized("shN_centroids.webp", pixels, size)?;
     let labels = palette.labels.iter().map(|label| {
         let [low, high] = (*label as u16).to_le_bytes();

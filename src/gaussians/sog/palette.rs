@@ -76,7 +76,10 @@ impl Palette {
         groups.sort_by_key(|group| group.members.first().copied());
         let mut labels = vec![0; n_vectors];
         for (label, group) in (0..).zip(&groups) {
-            group.members.iter().for_each(|i| labels[*i as usize] = label);
+            group
+                .members
+                .iter()
+                .for_each(|i| labels[*i as usize] = label);
         }
         let entries = groups.iter().flat_map(|group| &group.mean);
         Palette {

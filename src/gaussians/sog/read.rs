@@ -55,12 +55,18 @@ fn read(bytes: &[u8]) -> Result<Gaussians> {
             let (least, most) = (meta.means.mins[axis], meta.means.maxs[axis]);
             without_log(least + (most - least) * f32::from(step) / 65535.0)
         };
-        gaussians.means.push(Vec3::new(along(0), along(1), along(2)));
+        gaussians
+            .means
+            .push(Vec3::new(along(0), along(1), along(2)));
         let scale = |axis: usize| code(&meta.scales.codebook, scales[i][axis]);
-        gaussians.scales_log.push(Vec3::new(scale(0), scale(1), scale(2)));
+        gaussians
+            .scales_log
+            .push(Vec3::new(scale(0), scale(1), scale(2)));
         gaussians.rotations_wxyz.push(rotation(rotations[i]));
         let opacity = f32::from(colors[i][3]) / 255.0;
-        gaussians.opacity_logits.push((opacity / (1.0 - opacity)).ln());
+        gaussians
+            .opacity_logits
+            .push((opacity / (1.0 - opacity)).ln());
         gaussians
             .sh
             .extend([0, 1, 2].map(|c| code(&meta.sh0.codebook, colors[i][c])));

@@ -58,11 +58,17 @@ fn read(bytes: &[u8]) -> Result<Gaussians> {
             let whole = i32::from_le_bytes([0, b[0], b[1], b[2]]) >> 8;
             (f64::from(whole) * unit) as f32
         };
-        gaussians.means.push(Vec3::new(fixed(0), -fixed(1), -fixed(2)));
+        gaussians
+            .means
+            .push(Vec3::new(fixed(0), -fixed(1), -fixed(2)));
         let opacity = f32::from(opacities[i]) / 255.0;
-        gaussians.opacity_logits.push((opacity / (1.0 - opacity)).ln());
+        gaussians
+            .opacity_logits
+            .push((opacity / (1.0 - opacity)).ln());
         let scale = |axis: usize| f32::from(scales[3 * i + axis]) / 16.0 - 10.0;
-        gaussians.scales_log.push(Vec3::new(scale(0), scale(1), scale(2)));
+        gaussians
+            .scales_log
+            .push(Vec3::new(scale(0), scale(1), scale(2)));
         let [x, y, z] = [0, 1, 2].map(|k| f32::from(rotations[3 * i + k]) / 127.5 - 1.0);
         let w = (1.0 - x * x - y * y - z * z).max(0.0).sqrt();
         gaussians.rotations_wxyz.push([w, x, -y, -z]);

@@ -118,7 +118,9 @@ impl Formats {
         });
         let formats: Vec<Format> = formats.collect::<Result<_>>()?;
         if job.lean && !formats.contains(&Format::Ply) {
-            return Err(Error::usage("--lean is for .ply files, and none is written"));
+            return Err(Error::usage(
+                "--lean is for .ply files, and none is written",
+            ));
         }
         Ok(Formats::Gaussians(formats))
     }

@@ -108,7 +108,12 @@ impl Source {
 
     /// Measures the files that were written of `written`, whose lengths are `factor` times the
     /// model's.
-    pub(super) fn costs(&self, files: &[(&Path, Format)], written: &Stored, factor: f64) -> Result<Table> {
+    pub(super) fn costs(
+        &self,
+        files: &[(&Path, Format)],
+        written: &Stored,
+        factor: f64,
+    ) -> Result<Table> {
         let posed = self.posed("--measure")?;
         let views: Vec<Camera> = posed.train.iter().chain(&posed.test).cloned().collect();
         let (Some(frame), false) = (posed.frame, views.is_empty()) else {
