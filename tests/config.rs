@@ -69,7 +69,7 @@ fn the_reference_page_is_the_declaration() {
 fn the_reference_tells_values_units_words_ranges_and_the_papers_names() {
     let text = reference().unwrap();
     for line in [
-        "- `iterations` = 2000, 400 in `fast`, 1000 in `instantsplat`, 10000 in all others.",
+        "- `iterations` = 700, 400 in `fast`, 1000 in `instantsplat`, 10000 in all others.",
         "### `views.visibility`",
         "`U_total`. Allowed: a finite number, 0 or more. Paper: lambda, Eq. 4.",
         "Choices: `pixel`, `disc`.",
@@ -105,7 +105,7 @@ fn own_preset_differs_from_the_paper_in_its_parts_alone() {
         "coverage.densify=false",
         "coverage.prune=false",
         "densify.enabled=false",
-        "iterations=2000",
+        "iterations=700",
         "loss.fill_weight=0.3",
         "model.sh_interval=150",
         "need.ends=true",

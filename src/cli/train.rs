@@ -16,10 +16,6 @@ use crate::report::evaluation_table;
 use crate::run::{Evaluation, RunDir};
 use crate::scene::{CloudSource, SceneSource};
 
-/// Late in training the held-out views rise by about so many times what test views do: they share the cloud's noise with those
-/// that are trained on (`configs/README.md` has both curves).
-const SIGNAL_PER_TEST: f64 = 4.0;
-
 const EXAMPLES: &str = "\
 Examples:
   gspotential train
@@ -69,7 +65,7 @@ pub(crate) struct TrainArgs {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     settings: Vec<String>,
 
-    /// Train for N iterations; the default ends when views that it holds out have stopped rising, 2000 at most
+    /// Train for N iterations; the default ends when views that it holds out have stopped rising, 700 at most
     #[arg(long, value_name = "N")]
     iterations: Option<u32>,
 
@@ -82,8 +78,8 @@ pub(crate) struct TrainArgs {
     #[arg(long, value_name = "BUDGET")]
     budget: Vec<Budget>,
 
-    /// Let pruning cost at most DB dB of the views that decide, and end when half as many iterations more would bring test views
-    /// less, as far as those views tell (a quarter of what they rise by) [preset: 0.05dB]
+    /// Let pruning cost at most DB dB of the views that decide, and end when half as many iterations more would bring them
+    /// less [preset: 0.05dB]
     #[arg(long, value_name = "DB")]
     tolerance: Option<Decibels>,
 
@@ -243,7 +239,7 @@ impl TrainArgs {
         }
         if let Some(Decibels(db)) = self.tolerance {
             config.need.tolerance_db = db;
-            config.need.least_gain_db = SIGNAL_PER_TEST * db;
+            config.need.least_gain_db = db;
         }
         config.seed = self.seed.unwrap_or(config.seed);
         config.scene.max_size_px = self.max_size.or(config.scene.max_size_px);

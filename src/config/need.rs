@@ -17,7 +17,7 @@ section! {
         /// Training ends when the held-out views have stopped rising; `iterations` are then the most.
         ends: bool = false, any();
         /// They have stopped when the last third of the iterations has raised their best PSNR by less than this, dB.
-        least_gain_db: f64 = 0.2, at_least(0.0);
+        least_gain_db: f64 = 0.05, at_least(0.0);
         /// Share of all iterations, the last, in which all learning rates fall to nothing.
         settle_share: f64 = 0.0, from_below(0.0, 1.0);
         /// Prunes the Gaussians that contribute least, when the learning rates begin to fall and once more half-way.
