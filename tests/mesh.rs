@@ -185,7 +185,7 @@ fn what_a_single_view_does_not_see_stays_open() {
             .filter(|(x, y)| *x < 120 && *y < 80)
             .map(|(x, y)| (traced.depth[y * 120 + x] - z).abs());
         let off = around.fold(f64::MAX, f64::min);
-        assert!(off < 2.0 * grid.voxel, "{p}: {off}");
+        assert!(off < 4.0 * grid.voxel, "{p}: {off}");
     }
 }
 

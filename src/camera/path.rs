@@ -10,6 +10,9 @@ use crate::error::{Error, Result};
 const N: usize = 11;
 type Key = [f64; N];
 
+/// Turns up to here are rounding, radians.
+const SAME_TURN: f64 = 1e-6;
+
 /// Places `n` cameras on a smooth path that begins at the first of `cameras`, goes through all in
 /// their order at an even pace, and ends at the last. Their images have the first one's size.
 ///
@@ -68,7 +71,7 @@ fn keys(cameras: &[Camera]) -> (Vec<f64>, Vec<Key>) {
     for camera in cameras {
         let is_new = chosen.last().is_none_or(|last| {
             let Motion { turn, shift } = camera.difference(last);
-            turn > 1e-9 || shift > 0.0
+            turn > SAME_TURN || shift > 0.0
         });
         if is_new {
             chosen.push(camera);

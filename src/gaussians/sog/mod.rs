@@ -152,7 +152,7 @@ fn pack_means(gaussians: &Gaussians, chosen: &[usize], archive: &mut Archive) ->
         let along = |axis: usize| {
             let span = f64::from(most[axis]) - f64::from(least[axis]);
             let share = (f64::from(log[axis]) - f64::from(least[axis])) / span;
-            // Where all are at one place the share is NaN, which becomes 0.
+            // The share is NaN if all are at one place, and becomes 0.
             (65535.0 * share).round() as u16
         };
         [along(0), along(1), along(2)]

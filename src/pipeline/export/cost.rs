@@ -13,7 +13,7 @@ use crate::render::{Kernels, Model, Renderer, ViewUniform};
 use crate::report::{Cell, Column, Table};
 use crate::scene::Image;
 
-/// Where renders are compared.
+/// Places at which renders are compared.
 pub(super) struct Renders<'a> {
     /// In the scene's own frame; one or more.
     pub views: &'a [Camera],

@@ -9,7 +9,7 @@ use crate::mesh::{DepthImage, Grid, Mesh, Volume, depth};
 use crate::render::{Kernels, Model, Renderer, ViewUniform};
 use crate::terminal::progress::Progress;
 
-/// Of the training views' pixels in x and in y, every so-many-th says where the scene is.
+/// Every so-many-th of the training views' pixels, in x and in y, says where the scene is.
 const STEP: usize = 4;
 
 /// What a mesh is made of.
