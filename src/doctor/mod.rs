@@ -108,7 +108,7 @@ pub fn examine(gpu: Gpu) -> Result<Report> {
         .at(&adapter.name)
         .way_out("update its driver, or use another adapter"));
     }
-    let mut ctx = Context::new(gpu)?;
+    let mut ctx = Context::new(gpu);
     let config = Config::preset("paper")?;
     let mut findings = examine_kernels(&ctx)?;
     let mut timings = timing::time_rest(&ctx)?;
@@ -119,7 +119,7 @@ pub fn examine(gpu: Gpu) -> Result<Report> {
     let mut rasterizers = Vec::new();
     for rasterizer in [by_rule].into_iter().chain(others) {
         if rasterizer != ctx.kernels.rasterizer {
-            ctx = ctx.with_rasterizer(rasterizer)?;
+            ctx = ctx.with_rasterizer(rasterizer);
             findings.extend(examine_views(&ctx)?);
         }
         for case in view::large_cases() {

@@ -5,10 +5,10 @@ use super::capacity::Capacity;
 use super::uniforms::{
     BinUniform, LossUniform, RadixUniform, ScanUniform, SliceUniform, Splat, ViewUniform,
 };
-use crate::gpu::BufferKind;
 use crate::gpu::constants::{
     DEPTH_BITS, N_TOTALS, RADIX_BITS, RADIX_CHUNK, RADIX_DIGITS, SCAN_CHUNK, SSIM_ROWS, WORKGROUP,
 };
+use crate::gpu::{BufferKind, UNIFORM_ALIGNMENT};
 
 /// The purpose under which a buffer's bytes are counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,6 +36,8 @@ pub(super) struct Described {
     copies: fn(&Capacity) -> usize,
     /// Whether only training needs them.
     trains: bool,
+    /// Whether each of a step's views has as many of its own, which are written together.
+    by_view: bool,
 }
 
 /// The plane of `d_rendered`, in training, that holds what each pixel has blended last; without, it is
@@ -51,15 +53,15 @@ type U2 = [u32; 2];
 /// Two entries of a radix sort, which reads two at once.
 type Entries = [u32; 4];
 
-/// Every buffer of a workspace. Uniforms of a step's views come one a slot.
+/// Every buffer of a workspace.
 pub(super) const BUFFERS: &[Described] = &[
-    uniform::<ViewUniform>("view", |_| N_SLOTS),
+    of_view::<ViewUniform>("view", |_| N_SLOTS),
+    of_view::<ScanUniform>("scan_pairs", |_| N_SLOTS),
+    of_view::<ScanUniform>("scan_splat_digits", |_| N_SLOTS),
+    of_view::<ScanUniform>("scan_pair_digits", |_| N_SLOTS),
+    of_view::<RadixUniform>("depth_passes", |_| N_SLOTS * N_DEPTH_PASSES as usize),
     uniform::<LossUniform>("loss", |_| N_SLOTS),
-    uniform::<ScanUniform>("scan_pairs", |_| N_SLOTS),
-    uniform::<ScanUniform>("scan_splat_digits", |_| N_SLOTS),
-    uniform::<ScanUniform>("scan_pair_digits", |_| N_SLOTS),
-    // Slot by slot the passes of the depth sort; the slots share those of the pair sort.
-    uniform::<RadixUniform>("depth_passes", |_| N_SLOTS * N_DEPTH_PASSES as usize),
+    // The slots share the passes of the pair sort.
     uniform::<RadixUniform>("pair_passes", |c| n_pair_passes(c.tiles) as usize),
     // Begin of each slice of the lists; none while lists are whole.
     uniform::<SliceUniform>("slice", n_slices),
@@ -117,6 +119,14 @@ const fn uniform<T>(name: &'static str, copies: fn(&Capacity) -> usize) -> Descr
         more_to_train: |_| 0,
         copies,
         trains: false,
+        by_view: false,
+    }
+}
+
+const fn of_view<T>(name: &'static str, copies: fn(&Capacity) -> usize) -> Described {
+    Described {
+        by_view: true,
+        ..uniform::<T>(name, copies)
     }
 }
 
@@ -128,6 +138,7 @@ const fn storage<T>(name: &'static str, part: Part, len: fn(&Capacity) -> usize)
         more_to_train: |_| 0,
         copies: |_| 1,
         trains: false,
+        by_view: false,
     }
 }
 
@@ -215,7 +226,54 @@ impl Described {
     /// Returns the bytes of all copies in training.
     fn bytes(&self, capacity: &Capacity) -> u64 {
         let (len, copies) = self.size(capacity, true);
-        copies as u64 * self.kind.bytes(len)
+        copies as u64 * self.copy_bytes(len)
+    }
+
+    /// Returns the bytes of one copy, with those up to the next.
+    fn copy_bytes(&self, len: usize) -> u64 {
+        match self.kind.is_uniform() {
+            true => self.kind.bytes(len).next_multiple_of(UNIFORM_ALIGNMENT),
+            false => self.kind.bytes(len),
+        }
+    }
+}
+
+/// The places of all uniforms in one buffer: first those of each view of a step, view by view, then the rest.
+pub(super) struct Places {
+    /// First byte of each copy of each of [`BUFFERS`]; none for storage buffers.
+    pub(super) firsts: Vec<Vec<u64>>,
+    /// Bytes of one view's.
+    pub(super) of_view: u64,
+    /// Bytes of all.
+    pub(super) total: u64,
+}
+
+impl Places {
+    pub(super) fn of(capacity: &Capacity) -> Places {
+        let mut places = Places {
+            firsts: vec![Vec::new(); BUFFERS.len()],
+            of_view: 0,
+            total: 0,
+        };
+        for slot in 0..N_SLOTS {
+            places.append(capacity, true);
+            places.of_view = places.total / (slot as u64 + 1);
+        }
+        places.append(capacity, false);
+        places
+    }
+
+    /// Appends one view's uniforms, or those that belong to none.
+    fn append(&mut self, capacity: &Capacity, by_view: bool) {
+        let own = |d: &Described| d.kind.is_uniform() && d.by_view == by_view;
+        for (described, firsts) in BUFFERS.iter().zip(&mut self.firsts) {
+            let (len, copies) = described.size(capacity, true);
+            let copies = if by_view { copies / N_SLOTS } else { copies };
+            for _ in 0..if own(described) { copies } else { 0 } {
+                firsts.push(self.total);
+                self.total += described.copy_bytes(len);
+            }
+        }
     }
 }
 

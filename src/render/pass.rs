@@ -1,14 +1,14 @@
 //! The dispatches of one view: forward, loss, backward.
 
-use super::buffers::{LAST_BLENDED, n_chunks, n_partials};
+use super::buffers::{LAST_BLENDED, N_DEPTH_PASSES, n_chunks, n_partials};
 use super::kernels::{Bound, Groups, Kernels, RadixGroups, RasterGroups, ScanGroups};
 use super::model::Model;
 use super::pose::{PoseGradient, PoseKernels};
 use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use super::workspace::Workspace;
 use crate::gpu::constants::{
-    EMIT_CHUNK, PAIR_BLOCK, RADIX_BITS, RADIX_DIGITS, RANGE_CHUNK, SCAN_CHUNK, SCAN_FEW,
-    TOTAL_DIGITS, TOTAL_PAIRS, WORKGROUP,
+    EMIT_CHUNK, PAIR_BLOCK, RADIX_BITS, RADIX_DIGITS, RANGE_CHUNK, SCAN_CHUNK, TOTAL_DIGITS,
+    TOTAL_PAIRS,
 };
 use crate::gpu::{Commands, Gpu, shader_count};
 
@@ -64,31 +64,28 @@ impl<'a> Pass<'a> {
         view.tiles = kernels.rasterizer.tiles(view.size);
         view.longest_list = shader_count(capacity.longest_list());
         view.blended_plane = if workspace.trains { LAST_BLENDED } else { 0 };
-        let uniform = |name| workspace.of_slot(name, slot);
-        uniform("view").write(gpu, &[view]);
+        let mut uniforms = workspace.view_block(slot);
+        uniforms.put("view", &[view]);
         let scan = |n, total, capacity| ScanUniform {
             n,
             total,
             capacity,
             step: number,
         };
-        uniform("scan_pairs").write(gpu, &[scan(n, TOTAL_PAIRS, pairs)]);
+        uniforms.put("scan_pairs", &[scan(n, TOTAL_PAIRS, pairs)]);
         let n_digits = shader_count(n_chunks(model.n) * RADIX_DIGITS as usize);
         let digits = |n| scan(n, TOTAL_DIGITS, 0);
-        uniform("scan_splat_digits").write(gpu, &[digits(n_digits)]);
-        uniform("scan_pair_digits").write(gpu, &[digits(0)]);
-        for (i, pass) in workspace.depth_passes(slot).iter().enumerate() {
-            let shift = i as u32 * RADIX_BITS;
-            pass.write(
-                gpu,
-                &[RadixUniform {
-                    n,
-                    pairs: 0,
-                    shift,
-                    pad: 0,
-                }],
-            );
-        }
+        uniforms.put("scan_splat_digits", &[digits(n_digits)]);
+        uniforms.put("scan_pair_digits", &[digits(0)]);
+        let pass = |i: u32| RadixUniform {
+            n,
+            pairs: 0,
+            shift: i * RADIX_BITS,
+            pad: 0,
+        };
+        let passes: Vec<RadixUniform> = (0..N_DEPTH_PASSES).map(pass).collect();
+        uniforms.put("depth_passes", &passes);
+        uniforms.write(gpu);
         Pass {
             gpu,
             kernels,
@@ -201,13 +198,14 @@ impl<'a> Pass<'a> {
 
     /// Turns at most `n` counts into their exclusive prefix sums.
     fn scan(&self, commands: &mut Commands<'_>, groups: &ScanGroups, n: u64) {
-        if n <= u64::from(SCAN_FEW * WORKGROUP * SCAN_CHUNK) {
-            commands.dispatch(&self.kernels.scan_few, &groups.few, 1);
-            return;
+        match groups {
+            ScanGroups::Few(group) => commands.dispatch(&self.kernels.scan_few, group, 1),
+            ScanGroups::Many([reduce, spread]) => {
+                let threads = n.div_ceil(u64::from(SCAN_CHUNK));
+                commands.dispatch(&self.kernels.scan_reduce, reduce, threads);
+                commands.dispatch(&self.kernels.scan_spread, spread, threads);
+            }
         }
-        let threads = n.div_ceil(u64::from(SCAN_CHUNK));
-        commands.dispatch(&self.kernels.scan_reduce, &groups.many[0], threads);
-        commands.dispatch(&self.kernels.scan_spread, &groups.many[1], threads);
     }
 
     /// Compares the buffer `rendered` with the target image of the slot: writes its mean L1 and
