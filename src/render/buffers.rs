@@ -5,10 +5,8 @@ use super::capacity::Capacity;
 use super::uniforms::{
     BinUniform, LossUniform, RadixUniform, ScanUniform, SliceUniform, Splat, ViewUniform,
 };
-use crate::gpu::constants::{
-    DEPTH_BITS, N_TOTALS, RADIX_BITS, RADIX_CHUNK, RADIX_DIGITS, SCAN_CHUNK, SSIM_ROWS, WORKGROUP,
-};
-use crate::gpu::{BufferKind, UNIFORM_ALIGNMENT};
+use crate::gpu::constants::{DEPTH_BITS, N_TOTALS, SCAN_CHUNK, SSIM_ROWS, WORKGROUP};
+use crate::gpu::{BufferKind, Rasterizer, UNIFORM_ALIGNMENT};
 
 /// The purpose under which a buffer's bytes are counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,10 +57,10 @@ pub(super) const BUFFERS: &[Described] = &[
     of_view::<ScanUniform>("scan_pairs", |_| N_SLOTS),
     of_view::<ScanUniform>("scan_splat_digits", |_| N_SLOTS),
     of_view::<ScanUniform>("scan_pair_digits", |_| N_SLOTS),
-    of_view::<RadixUniform>("depth_passes", |_| N_SLOTS * N_DEPTH_PASSES as usize),
+    of_view::<RadixUniform>("depth_passes", |c| N_SLOTS * n_depth_passes(c)),
     uniform::<LossUniform>("loss", |_| N_SLOTS),
     // The slots share the passes of the pair sort.
-    uniform::<RadixUniform>("pair_passes", |c| n_pair_passes(c.tiles) as usize),
+    uniform::<RadixUniform>("pair_passes", n_pair_passes),
     // Begin of each slice of the lists; none while lists are whole.
     uniform::<SliceUniform>("slice", n_slices),
     // To count, and to emit.
@@ -97,7 +95,11 @@ pub(super) const BUFFERS: &[Described] = &[
         copies: |_| N_SLOTS,
         ..training::<[u32; 4]>("goal", Part::Goals, |c| c.plane)
     },
-    training::<F4>("moments", Part::Loss, |c| 13 * c.plane),
+    // Workgroups have them in their own memory.
+    training::<F4>("moments", Part::Loss, |c| match c.rasterizer {
+        Rasterizer::Thread => 13 * c.plane,
+        Rasterizer::Workgroup => 0,
+    }),
     training::<F4>("derivatives", Part::Loss, |c| 9 * c.plane),
     training::<F2>("partials", Part::Loss, |c| n_partials(c.plane)),
     training::<F2>("block_partials", Part::Loss, |c| n_partials(c.plane)),
@@ -238,7 +240,8 @@ impl Described {
     }
 }
 
-/// The places of all uniforms in one buffer: first those of each view of a step, view by view, then the rest.
+/// The places of all uniforms in one buffer: first those of each view of a step, view by view, then the
+/// rest.
 pub(super) struct Places {
     /// First byte of each copy of each of [`BUFFERS`]; none for storage buffers.
     pub(super) firsts: Vec<Vec<u64>>,
@@ -279,7 +282,8 @@ impl Places {
 
 /// Returns the number of counts of the larger radix sort.
 fn n_digits(capacity: &Capacity) -> usize {
-    n_chunks(capacity.stride.max(capacity.pairs)) * RADIX_DIGITS as usize
+    let most = capacity.stride.max(capacity.pairs);
+    capacity.rasterizer.radix().counts(most)
 }
 
 /// Returns the number of blocks of the largest scan.
@@ -297,25 +301,21 @@ fn n_slices(capacity: &Capacity) -> usize {
     }
 }
 
-/// Passes of the depth sort.
-pub(super) const N_DEPTH_PASSES: u32 = DEPTH_BITS.div_ceil(RADIX_BITS);
-const _: () = assert!(
-    N_DEPTH_PASSES.is_multiple_of(2),
-    "the sorted splats end in the first buffer"
-);
+/// Returns the passes of the depth sort: an even number, so that the sorted splats end in the first
+/// buffer.
+pub(super) fn n_depth_passes(capacity: &Capacity) -> usize {
+    let passes = capacity.rasterizer.radix().passes(DEPTH_BITS);
+    passes.next_multiple_of(2) as usize
+}
 
 /// Returns the number of passes of the sort by tile.
-fn n_pair_passes(n_tiles: usize) -> u32 {
-    let bits = n_tiles.max(2).next_power_of_two().ilog2();
-    bits.div_ceil(RADIX_BITS)
+fn n_pair_passes(capacity: &Capacity) -> usize {
+    let bits = capacity.tiles.max(2).next_power_of_two().ilog2();
+    capacity.rasterizer.radix().passes(bits) as usize
 }
 
-/// Returns the number of chunks of a radix sort.
-pub(super) fn n_chunks(n: usize) -> usize {
-    n.div_ceil(RADIX_CHUNK as usize)
-}
-
-/// Returns the threads of SSIM's vertical passes over a padded image of `plane` vectors.
+/// Returns the threads of SSIM's vertical passes over a padded image of `plane` vectors; workgroups of a
+/// tile and a channel are no more.
 pub(super) fn n_partials(plane: usize) -> usize {
     3 * plane / SSIM_ROWS as usize
 }

@@ -1,10 +1,9 @@
 //! The kernels of a view and their bind groups.
 
-use super::buffers::n_chunks;
 use super::model::Model;
 use super::workspace::Workspace;
 use crate::config::RasterizerChoice;
-use crate::gpu::constants::{RADIX_DIGITS, SCAN_CHUNK, SCAN_FEW, WORKGROUP};
+use crate::gpu::constants::{SCAN_CHUNK, SCAN_FEW, WORKGROUP};
 use crate::gpu::shader::{self, Sources};
 use crate::gpu::{Buffer, Gpu, Kernel, Rasterizer, Stage, by_degree};
 
@@ -33,7 +32,8 @@ pub struct Kernels {
     pub(super) order_tiles: Kernel,
     /// Whole lists, and slices of them.
     pub(super) rasterize: [Kernel; 2],
-    pub(super) ssim: [Kernel; 4],
+    /// In the order in which they run.
+    pub(super) ssim: Vec<Kernel>,
     pub(super) loss_blocks: Kernel,
     pub(super) loss_total: Kernel,
     /// Whole lists, and slices of them.
@@ -60,7 +60,17 @@ impl Kernels {
         let stages = rasterizer.stages();
         let stage = |name: &str, degree: u32| Stage::new(name, sources(name, degree));
         let by_degree = |name: &'static str| by_degree(|degree| stage(name, degree).kernel(name));
-        let (ssim, scan, radix) = (stage("ssim", 0), stage("scan", 0), stage("radix", 0));
+        let [ssim, scan, radix] =
+            [stages.ssim, stages.scan, stages.radix].map(|name| stage(name, 0));
+        let ssim_entries: &[&'static str] = match rasterizer {
+            Rasterizer::Thread => &[
+                "ssim_horizontal",
+                "ssim_vertical",
+                "ssim_horizontal_backward",
+                "ssim_vertical_backward",
+            ],
+            Rasterizer::Workgroup => &["ssim_forward", "ssim_backward"],
+        };
         let (tile_ranges, sum_pairs) = (stage("tile_ranges", 0), stage("sum_pairs", 0));
         let loss = stage("loss_sum", 0);
         let raster = stage(stages.rasterize, 0);
@@ -77,13 +87,10 @@ impl Kernels {
             find_tile_ranges: tile_ranges.kernel("find_tile_ranges"),
             order_tiles: tile_ranges.kernel("order_tiles"),
             rasterize: ["rasterize", "rasterize_slice"].map(|entry| raster.kernel(entry)),
-            ssim: [
-                "ssim_horizontal",
-                "ssim_vertical",
-                "ssim_horizontal_backward",
-                "ssim_vertical_backward",
-            ]
-            .map(|entry| ssim.kernel(entry)),
+            ssim: ssim_entries
+                .iter()
+                .map(|entry| ssim.kernel(entry))
+                .collect(),
             loss_blocks: loss.kernel("loss_blocks"),
             loss_total: loss.kernel("loss_total"),
             rasterize_backward: ["rasterize_backward", "rasterize_backward_slice"]
@@ -130,7 +137,7 @@ pub(super) enum ScanGroups {
 }
 
 pub(super) struct BackwardGroups {
-    pub(super) ssim: [wgpu::BindGroup; 4],
+    pub(super) ssim: Vec<wgpu::BindGroup>,
     pub(super) loss_sum: [wgpu::BindGroup; 2],
     pub(super) rasterize: RasterGroups,
     pub(super) sum_pairs: [wgpu::BindGroup; 2],
@@ -180,7 +187,7 @@ impl Groups {
                     ("entries_in", entries[i % 2]),
                     ("entries_out", entries[1 - i % 2]),
                 ];
-                let n_digits = n_chunks(most) * RADIX_DIGITS as usize;
+                let n_digits = kernels.rasterizer.radix().counts(most);
                 RadixGroups {
                     count: with(&from_to, &kernels.radix_count),
                     scan: scan(uniform, space.buffer("digit_counts"), n_digits),
@@ -232,7 +239,7 @@ impl Groups {
             order_tiles: with(&[], &kernels.order_tiles),
             rasterize: raster(&kernels.rasterize),
             backward: space.trains.then(|| BackwardGroups {
-                ssim: [0, 1, 2, 3].map(|i| with(&[], &kernels.ssim[i])),
+                ssim: kernels.ssim.iter().map(|k| with(&[], k)).collect(),
                 loss_sum: [&kernels.loss_blocks, &kernels.loss_total].map(|k| with(&[], k)),
                 rasterize: raster(&kernels.rasterize_backward),
                 sum_pairs: kernels.sum_pairs.each_ref().map(|k| with(&[], k)),

@@ -1,16 +1,16 @@
 //! The dispatches of one view: forward, loss, backward.
 
-use super::buffers::{LAST_BLENDED, N_DEPTH_PASSES, n_chunks, n_partials};
+use super::buffers::{LAST_BLENDED, n_depth_passes, n_partials};
 use super::kernels::{Bound, Groups, Kernels, RadixGroups, RasterGroups, ScanGroups};
 use super::model::Model;
 use super::pose::{PoseGradient, PoseKernels};
 use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use super::workspace::Workspace;
 use crate::gpu::constants::{
-    EMIT_CHUNK, PAIR_BLOCK, RADIX_BITS, RADIX_DIGITS, RANGE_CHUNK, SCAN_CHUNK, TOTAL_DIGITS,
-    TOTAL_PAIRS,
+    EMIT_CHUNK, GROUP_TILE, PAIR_BLOCK, RANGE_CHUNK, SCAN_CHUNK, TOTAL_DIGITS, TOTAL_PAIRS,
+    WORKGROUP,
 };
-use crate::gpu::{Commands, Gpu, shader_count};
+use crate::gpu::{Commands, Gpu, Rasterizer, shader_count};
 
 /// One view being recorded: the kernels, buffers and bind groups that its stages need.
 pub struct Pass<'a> {
@@ -73,17 +73,19 @@ impl<'a> Pass<'a> {
             step: number,
         };
         uniforms.put("scan_pairs", &[scan(n, TOTAL_PAIRS, pairs)]);
-        let n_digits = shader_count(n_chunks(model.n) * RADIX_DIGITS as usize);
+        let radix = kernels.rasterizer.radix();
+        let n_digits = shader_count(radix.counts(model.n));
         let digits = |n| scan(n, TOTAL_DIGITS, 0);
         uniforms.put("scan_splat_digits", &[digits(n_digits)]);
         uniforms.put("scan_pair_digits", &[digits(0)]);
         let pass = |i: u32| RadixUniform {
             n,
             pairs: 0,
-            shift: i * RADIX_BITS,
+            shift: i * radix.bits,
             pad: 0,
         };
-        let passes: Vec<RadixUniform> = (0..N_DEPTH_PASSES).map(pass).collect();
+        let n_passes = n_depth_passes(&capacity) as u32;
+        let passes: Vec<RadixUniform> = (0..n_passes).map(pass).collect();
         uniforms.put("depth_passes", &passes);
         uniforms.write(gpu);
         Pass {
@@ -188,11 +190,12 @@ impl<'a> Pass<'a> {
 
     /// Sorts at most `n` entries by radix.
     fn sort(&self, commands: &mut Commands<'_>, passes: &[RadixGroups], n: u64) {
-        let n_chunks = n_chunks(n as usize) as u64;
+        let radix = self.kernels.rasterizer.radix();
+        let threads = radix.chunks(n as usize) as u64 * u64::from(radix.threads);
         for groups in passes {
-            commands.dispatch(&self.kernels.radix_count, &groups.count, n_chunks);
-            self.scan(commands, &groups.scan, n_chunks * u64::from(RADIX_DIGITS));
-            commands.dispatch(&self.kernels.radix_move, &groups.shift, n_chunks);
+            commands.dispatch(&self.kernels.radix_count, &groups.count, threads);
+            self.scan(commands, &groups.scan, radix.counts(n as usize) as u64);
+            commands.dispatch(&self.kernels.radix_move, &groups.shift, threads);
         }
     }
 
@@ -216,22 +219,34 @@ impl<'a> Pass<'a> {
             return;
         };
         let kernels = self.kernels;
-        let (width_4, _) = self.view.padded_size();
-        let rows = u64::from(self.view.size[1]) * (width_4 as u64).div_ceil(4);
-        let strips = n_partials(self.view.plane_len());
-        loss.n_partials = shader_count(strips);
+        let (threads, n_partials) = self.loss_threads();
+        loss.n_partials = shader_count(n_partials);
         loss.slot = self.slot as u32;
         let uniform = self.workspace.of_slot("loss", self.slot);
         uniform.write(self.gpu, &[loss]);
-        for (i, n) in [rows, strips as u64, rows, strips as u64]
-            .into_iter()
-            .enumerate()
-        {
-            commands.dispatch(&kernels.ssim[i], &groups.ssim[i], n);
+        for ((kernel, group), threads) in kernels.ssim.iter().zip(&groups.ssim).zip(threads) {
+            commands.dispatch(kernel, group, threads);
         }
-        let threads = (strips as u64).div_ceil(u64::from(SCAN_CHUNK));
+        let threads = (n_partials as u64).div_ceil(u64::from(SCAN_CHUNK));
         commands.dispatch(&kernels.loss_blocks, &groups.loss_sum[0], threads);
         commands.dispatch(&kernels.loss_total, &groups.loss_sum[1], 1);
+    }
+
+    /// Returns the threads of each kernel of the loss, and the partial sums that they leave.
+    fn loss_threads(&self) -> (Vec<u64>, usize) {
+        let (width_4, rows) = self.view.padded_size();
+        match self.kernels.rasterizer {
+            Rasterizer::Thread => {
+                let across = u64::from(self.view.size[1]) * (width_4 as u64).div_ceil(4);
+                let strips = n_partials(self.view.plane_len());
+                (vec![across, strips as u64, across, strips as u64], strips)
+            }
+            Rasterizer::Workgroup => {
+                let side = GROUP_TILE as usize;
+                let tiles = 3 * (4 * width_4).div_ceil(side) * rows.div_ceil(side);
+                (vec![u64::from(WORKGROUP) * tiles as u64; 2], tiles)
+            }
+        }
     }
 
     /// Carries `d_rendered` back to `d_geometry` and `d_color`.

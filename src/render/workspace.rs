@@ -2,13 +2,13 @@
 
 use bytemuck::Pod;
 
-use super::buffers::{BUFFERS, N_DEPTH_PASSES, N_SLOTS, Places};
+use super::buffers::{BUFFERS, N_SLOTS, Places, n_depth_passes};
 use super::capacity::{Capacity, check_loops};
 use super::model::Model;
 use super::targets::padded;
 use super::uniforms::{BinUniform, RadixUniform, SliceUniform, ViewUniform};
 use crate::error::Result;
-use crate::gpu::constants::{LIST_SLICE, RADIX_BITS};
+use crate::gpu::constants::LIST_SLICE;
 use crate::gpu::{Buffer, Commands, Gpu, shader_count};
 
 /// The buffers of one view in flight, shared by a step's views, one after the other.
@@ -120,7 +120,7 @@ impl Workspace {
             let pass = RadixUniform {
                 n: shader_count(self.capacity.pairs),
                 pairs: 1,
-                shift: i * RADIX_BITS,
+                shift: i * self.capacity.rasterizer.radix().bits,
                 pad: 0,
             };
             buffer.write(gpu, &[pass]);
@@ -152,7 +152,7 @@ impl Workspace {
 
     /// Returns the `Radix` uniforms of the passes of a slot's depth sort.
     pub(super) fn depth_passes(&self, slot: usize) -> &[Buffer] {
-        let n = N_DEPTH_PASSES as usize;
+        let n = n_depth_passes(&self.capacity);
         &self.all("depth_passes")[slot * n..][..n]
     }
 
