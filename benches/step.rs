@@ -1,4 +1,5 @@
-//! GPU time of one training step by kernel.
+//! GPU time of one training step by kernel, and what it costs the host: processor time of the thread that
+//! records and submits it, compute passes, dispatches and writes.
 //!
 //! `cargo bench --bench step -- [--scene DIR|builtin:WIDTH] [--max-size PX] [--max-points N]
 //! [--preset NAME] [--warmup N] [--steps N] [--set KEY=VALUE]...`
@@ -51,7 +52,7 @@ fn main() -> Result<()> {
     let prepared = prepare(&scene, &config, &mut seconds)?;
     let gpu = Gpu::open()?;
     let rasterizer = Rasterizer::of(config.render.rasterizer, &gpu);
-    let kernels = Kernels::with(&gpu, rasterizer);
+    let kernels = Kernels::with(rasterizer);
     let supervision = &prepared.supervision;
     let mut trainer = Trainer::new(&gpu, &kernels, &prepared.start, supervision, &config)?;
     let mut warm = 0;
@@ -80,7 +81,9 @@ fn main() -> Result<()> {
             sum.dispatches += time.dispatches;
         }
     }
+    let host = host(&mut trainer, &gpu, args.warmup + args.steps, args.steps)?;
     let n = f64::from(args.steps);
+    println!("{host}");
     println!("{:.0} pairs in the step's last view", pairs as f64 / n);
     println!(
         "{}: {} Gaussians, {}",
@@ -96,4 +99,27 @@ fn main() -> Result<()> {
     let step = StepProfile::new(&kernels, sample);
     println!("\n{}", kernel_table(&step));
     Ok(())
+}
+
+/// What `n` steps from `first` on cost the host, a step.
+fn host(trainer: &mut Trainer<'_>, gpu: &Gpu, first: u32, n: u32) -> Result<String> {
+    let before = gpu.requests();
+    let mut least = f64::INFINITY;
+    for i in first..first + n {
+        let start = kit::thread_s();
+        trainer.step(i, None);
+        if let (Some(start), Some(end)) = (start, kit::thread_s()) {
+            least = least.min(end - start);
+        }
+        gpu.wait()?;
+    }
+    let after = gpu.requests();
+    let a_step = |before: u64, after: u64| (after - before) as f64 / f64::from(n);
+    Ok(format!(
+        "host, a step: {:.3} ms of its thread at least, {:.1} compute passes, {:.1} dispatches, {:.1} writes",
+        1e3 * least,
+        a_step(before.passes, after.passes),
+        a_step(before.dispatches, after.dispatches),
+        a_step(before.writes, after.writes),
+    ))
 }

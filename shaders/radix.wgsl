@@ -3,6 +3,7 @@
 // keys keep theirs, so the result is the same on every adapter.
 #import shared/thread
 #import shared/radix
+#import shared/radix_thread
 
 @group(0) @binding(0) var<uniform> radix: Radix;
 // Two entries a vector, key and value of each: a software driver loads one as fast as half of it.

@@ -1,41 +1,15 @@
-// Computes the image loss (1 - w) L1 + w (1 - SSIM) and its gradient, in four dispatches: horizontal
-// moments, vertical moments with SSIM's derivatives, and the two passes back.
-//
-// SSIM is 3DGS's: 11x11 Gaussian window (sigma 1.5), per channel, zero outside the image. Under a
-// mask pixel p has a weight m_p in [0, 1]: window weights are multiplied by it and normalised,
-// and both means are weighted by it,
-//   L1 = sum_p m_p |x_p - y_p| / sum_p m_p,  SSIM = sum_p m_p ssim_p / sum_p m_p,
-// so pixels of weight 0 never matter and weights of 0 and 1 are a mask's.
-//
-// In terms of the residual e = x - y and with V the sum of both variances,
-//   ssim = (1 - mu_e^2 / (mu_x^2 + mu_y^2 + C1)) (1 - var_e / (V + C2)).
-// Variances are formed about the mean of the window's middle pixels, row by row, and then of the rows:
-// formed about 0 they would lose all their digits in flat windows. An edge in the middle costs few,
-// because those pixels have the most weight: the variance is then as large as the square that is taken off.
-// The gradient goes by y, whose factor is small where the images are alike, and by e less the mean
-// residual of four pixels nearby, so that a residual does not cancel that all pixels share.
+// Computes the image loss and its gradient (`shared/ssim.wgsl`) in four dispatches: horizontal moments, vertical moments with
+// SSIM's derivatives, and the two passes back. A thread takes many pixels: for drivers that run on a CPU.
 #import shared/thread
-#import shared/view
-#import shared/loss
+#import shared/ssim
 
 const N_MOMENTS = 4u;
 const NORM_PLANE = 12u;
 
-@group(0) @binding(0) var<uniform> view: View;
-@group(0) @binding(1) var<uniform> loss: Loss;
-@group(0) @binding(2) var<storage, read> rendered: array<vec4f>;
-// RGBA8, rows as in a plane of `rendered`; alpha is the pixel's weight, 255 for 1.
-@group(0) @binding(3) var<storage, read> goal: array<vec4u>;
 // Planes 4c..4c+3, of a row of the window about each pixel, channel c: means of e and y, sum of the
 // variances of x and y, variance of e; 12: weight. Later planes 3c..3c+2: horizontal sums of the
 // derivatives.
 @group(0) @binding(4) var<storage, read_write> moments: array<vec4f>;
-// Planes 3c..3c+2: what the loss's gradient takes from each window, channel c: a term of its own
-// (with e less the residual of the four pixels), one times e and one times y.
-@group(0) @binding(5) var<storage, read_write> derivatives: array<vec4f>;
-@group(0) @binding(6) var<storage, read_write> d_rendered: array<vec4f>;
-// Per thread of the vertical passes: sum of SSIM, sum of |x - y|.
-@group(0) @binding(7) var<storage, read_write> partials: array<vec2f>;
 
 // Vectors of four pixels that a thread of the horizontal passes covers.
 const N_ACROSS = 4u;
@@ -98,38 +72,6 @@ fn keep_moments(plane: u32, at: Place, sums: Quad) {
     #end
 }
 
-// Four texels of the goal; beside the padded image its rim, where weights are 0.
-fn texels(x4: i32, y: u32) -> vec4u {
-    return goal[y * view.row_vectors + u32(clamp(x4, 0, i32(view.row_vectors) - 1))];
-}
-
-fn channel_of(texels: vec4u, channel: u32) -> vec4f {
-    return vec4f((texels >> vec4u(8u * channel)) & vec4u(255u)) / LEVEL_MAX;
-}
-
-// The pixels' weights: 0 outside the image; inside, 1 or, with a mask, what alpha says.
-fn weights(texels: vec4u, x4: i32) -> vec4f {
-    let x = vec4i(4 * x4) + vec4i(0, 1, 2, 3);
-    let inside = (x >= vec4i(0)) & (x < vec4i(i32(view.size.x)));
-    // A product, unlike a quotient, is exactly 1 for 255 on every driver.
-    let masked = vec4f(texels >> vec4u(24u)) * (1.0 / LEVEL_MAX);
-    let weight = select(masked, vec4f(1.0), vec4<bool>(loss.masked == 0u));
-    return select(vec4f(0.0), weight, inside);
-}
-
-// Mean over the pixels that count; 0 if none does.
-fn mean_of(e: vec4f, counts: vec4<bool>) -> f32 {
-    let n = dot(select(vec4f(0.0), vec4f(1.0), counts), vec4f(1.0));
-    return dot(select(vec4f(0.0), e, counts), vec4f(1.0)) / max(n, 1.0);
-}
-
-// Mean residual of four pixels.
-fn residual_of(texels: vec4u, x4: i32, y: u32, channel: u32) -> f32 {
-    let counts = weights(texels, x4) > vec4f(0.0);
-    let e = rendered[plane_index(view, channel, u32(clamp(x4, 0, i32(view.row_vectors) - 1)), y)] - channel_of(texels, channel);
-    return mean_of(e, counts);
-}
-
 struct Place {
     x4: u32,
     y: u32,
@@ -179,12 +121,6 @@ fn row_moments(m: Strip, e: Strip, y: Strip, about: vec2f, norm: vec4f) -> Quad 
 
 fn less(s: Strip, x: f32) -> Strip {
     return Strip(s.v0 - x, s.v1 - x, s.v2 - x, s.v3 - x, s.v4 - x);
-}
-
-// Means of e and y over four pixels or, where none of these counts, over their neighbours.
-fn middle(before: vec3f, own: vec3f, after: vec3f) -> vec2f {
-    let beside = (before.xy * before.z + after.xy * after.z) / max(before.z + after.z, 1.0);
-    return select(beside, own.xy, own.z > 0.0);
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -348,25 +284,15 @@ fn ssim_vertical(thread: Thread) {
         let off_x = off_e + off_y;
         let mu_e = about_e + off_e;
         let mu_y = about_y + off_y;
-        let mu_x = mu_e + mu_y;
         let var_both = max(sum_both.r{r} * inv_norm - (off_x * off_x + off_y * off_y), vec4f(0.0));
         let var_e = max(sum_residual.r{r} * inv_norm - off_e * off_e, vec4f(0.0));
-        let inv_1 = 1.0 / (mu_x * mu_x + mu_y * mu_y + SSIM_C1);
-        let inv_2 = 1.0 / (var_both + SSIM_C2);
-        let dimmer = mu_e * mu_e * inv_1;
-        let luminance = (2.0 * mu_x * mu_y + SSIM_C1) * inv_1;
-        let contrast = 1.0 - var_e * inv_2;
-        let s = luminance * contrast;
-        sum += weight * s;
-        let scale = -loss.ssim_scale * weight * inv_norm;
-        let d_e = -2.0 * s * inv_2;
-        let d_y = 2.0 * luminance * var_e * inv_2 * inv_2;
-        let d_mu = 2.0 * contrast * inv_1 * (mu_y * dimmer - mu_e * luminance);
-        let off_residual = mu_e - residual_of(raw, i32(at.x4), at.y + {r}u, at.channel);
+        let residual = residual_of(raw, i32(at.x4), at.y + {r}u, at.channel);
+        let w = windows(mu_e, mu_y, var_both, var_e, weight, inv_norm, residual);
+        sum += weight * w.ssim;
         let base = 3u * at.channel;
-        derivatives[plane_index(view, base, at.x4, at.y + {r}u)] = scale * (d_mu - d_e * off_residual - d_y * mu_y);
-        derivatives[plane_index(view, base + 1u, at.x4, at.y + {r}u)] = scale * d_e;
-        derivatives[plane_index(view, base + 2u, at.x4, at.y + {r}u)] = scale * d_y;
+        derivatives[plane_index(view, base, at.x4, at.y + {r}u)] = w.own;
+        derivatives[plane_index(view, base + 1u, at.x4, at.y + {r}u)] = w.d_e;
+        derivatives[plane_index(view, base + 2u, at.x4, at.y + {r}u)] = w.d_y;
     }
     #end
     let index = thread_index(thread);

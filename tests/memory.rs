@@ -48,6 +48,8 @@ fn buffers_take_what_was_predicted_to_the_byte() {
             // One of the five is held out, and few Gaussians take less than a render.
             config.need.hold_out = 5;
             config.need.prune = false;
+            // They all fit.
+            config.render.targets_mib = Some(1);
             config.scene.max_points = Some(100);
         }
         config.poses.refine = sh_degree == 2;

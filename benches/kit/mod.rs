@@ -124,3 +124,10 @@ pub(crate) fn cpu_s() -> Option<f64> {
     let ticks = |i: usize| fields.get(i)?.parse::<f64>().ok();
     Some((ticks(11)? + ticks(12)?) / 100.0)
 }
+
+/// Processor time of this thread alone, where the system tells (Linux, in nanoseconds).
+pub(crate) fn thread_s() -> Option<f64> {
+    let stat = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    let ns: f64 = stat.split_whitespace().next()?.parse().ok()?;
+    Some(1e-9 * ns)
+}

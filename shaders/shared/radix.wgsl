@@ -1,4 +1,5 @@
-// One pass of a radix sort. 16 bytes.
+// One pass of a radix sort. 16 bytes. The stage that imports this says how many entries a chunk has, and how many values a
+// digit (`CHUNK`, `DIGITS`).
 struct Radix {
     // Entries, or room for them where `pairs` is 1: then there are as many as the view has pairs.
     n: u32,
@@ -16,5 +17,5 @@ fn n_entries(radix: Radix, n_pairs: u32, overflow: u32) -> u32 {
 }
 
 fn n_chunks(n: u32) -> u32 {
-    return (n + RADIX_CHUNK - 1u) / RADIX_CHUNK;
+    return (n + CHUNK - 1u) / CHUNK;
 }

@@ -235,6 +235,10 @@ section! {
         /// What rasterizes a tile: a `thread`, for drivers that run on a CPU, or a `workgroup`, for GPUs;
         /// `auto` is the one for the adapter, and a run's `config.json` says which that was.
         rasterizer: RasterizerChoice = RasterizerChoice::Auto, any();
+        /// Target images stay on the adapter up to this much, the photographs' first; the others are
+        /// unpacked and uploaded when it is their turn. null: 2048 on a GPU, 0 on a driver that runs on
+        /// a CPU.
+        targets_mib: Option<u32> = None, within(0.0, U32);
     }
 }
 

@@ -11,7 +11,7 @@ pub const STORAGE_BUFFERS: u32 = 8;
 /// Most uniform buffers that a kernel binds.
 pub const UNIFORM_BUFFERS: u32 = 2;
 /// Most bytes that a workgroup shares (`rasterize_backward_workgroup`).
-pub const WORKGROUP_BYTES: u32 = 6852;
+pub const WORKGROUP_BYTES: u32 = 13984;
 
 /// The adapter and its limits.
 #[derive(Clone, Debug, Serialize)]

@@ -48,6 +48,7 @@ pub fn examine(
         record(&rig.pass(ctx), &mut commands);
         commands.submit();
     };
+    let own = stage::own(ctx.kernels.rasterizer);
     rig.start(ctx);
     run(|pass, commands| pass.project(commands));
     let splats = read_splats(ctx, rig)?;
@@ -58,7 +59,7 @@ pub fn examine(
     hold_keys(&keys, &splats, twin, camera, out);
     run(|pass, commands| pass.sort_by_depth(commands));
     let order: Vec<[u32; 2]> = rig.read(ctx, "depth_order", n)?;
-    out.equal((stage::RADIX_SORT, "by depth"), &order, &sorted(&keys));
+    out.equal((own.radix_sort, "by depth"), &order, &sorted(&keys));
 
     run(|pass, commands| pass.count_pairs(commands));
     let counts: Vec<u32> = rig.read(ctx, "splat_pairs", n)?;
@@ -67,8 +68,8 @@ pub fn examine(
     let totals: Vec<u32> = rig.read(ctx, "totals", 4)?;
     let total = totals[TOTAL_PAIRS as usize];
     let mut sums = exclusive_sums(&counts);
-    out.equal((stage::SCAN, "total"), &[total], &[sums.pop().unwrap_or(0)]);
-    out.equal((stage::SCAN, "first pairs"), &firsts, &sums);
+    out.equal((own.scan, "total"), &[total], &[sums.pop().unwrap_or(0)]);
+    out.equal((own.scan, "first pairs"), &firsts, &sums);
 
     run(|pass, commands| pass.emit_pairs(commands));
     // A count that is wrong may be any number.
@@ -87,23 +88,22 @@ pub fn examine(
         pair_gaussian: rig.read(ctx, "pair_gaussian", n_pairs)?,
         gaussian_pairs: rig.read(ctx, "gaussian_pairs", n)?,
     };
-    let bin = stage::own(rasterizer).bin;
-    let lengths = hold_pairs(bin, &emitted, &order, &counts, twin, &grid, out);
+    let lengths = hold_pairs(own.bin, &emitted, &order, &counts, twin, &grid, out);
 
     run(|pass, commands| pass.sort_by_tile(commands));
     let tile_pairs: Vec<[u32; 2]> = rig.read(ctx, "tile_pairs", n_pairs)?;
     let expected = sorted(&pairs);
-    out.equal((stage::RADIX_SORT, "by tile"), &tile_pairs, &expected);
+    out.equal((own.radix_sort, "by tile"), &tile_pairs, &expected);
     run(|pass, commands| pass.find_tile_ranges(commands));
     let ranges: Vec<[u32; 2]> = rig.read(ctx, "tile_ranges", grid.n_tiles())?;
     let expected = ranges_of(&expected, grid.n_tiles());
     out.equal((stage::TILE_RANGES, "ranges"), &ranges, &expected);
     run(|pass, commands| pass.order_tiles(commands));
-    let own: Vec<[u32; 2]> = rig.read(ctx, "tile_splats", n_pairs)?;
+    let found: Vec<[u32; 2]> = rig.read(ctx, "tile_splats", n_pairs)?;
     let gaussian_of = |pair: u32| emitted.pair_gaussian.get(pair as usize).copied();
     let with_gaussian = |[_, pair]: &[u32; 2]| [gaussian_of(*pair).unwrap_or(u32::MAX), *pair];
     let splats: Vec<[u32; 2]> = tile_pairs.iter().map(with_gaussian).collect();
-    out.equal((stage::TILE_RANGES, "Gaussians"), &own, &splats);
+    out.equal((stage::TILE_RANGES, "Gaussians"), &found, &splats);
     let order: Vec<[u32; 4]> = rig.read(ctx, "tile_order", rasterizer.n_slots(rig.view.size))?;
     let expected = order_of(&expected, &grid);
     out.equal((stage::TILE_ORDER, "tiles"), &order, &expected);

@@ -175,9 +175,10 @@ pub fn examine(ctx: &Context, case: &LossCase) -> Result<Findings> {
     let LossCase { size, kind, mask } = *case;
     let (width, height) = size;
     let n = width * height;
+    let own = stage::own(ctx.kernels.rasterizer);
     let (stage, mask_name) = match mask {
-        Some(mask) => (stage::MASKED_LOSS, format!(", {} mask", mask.name())),
-        None => (stage::LOSS, String::new()),
+        Some(mask) => (own.masked_loss, format!(", {} mask", mask.name())),
+        None => (own.loss, String::new()),
     };
     let kind_name = format!("{kind:?}").to_lowercase();
     let mut out = Findings::of(format!("{kind_name}{mask_name} {width}x{height}"));
@@ -272,9 +273,10 @@ pub fn examine_residual(ctx: &Context, (width, height): (usize, usize)) -> Resul
         + down * (higher - corner)
         + across * down * (both - wider - higher + corner);
     let bound = tolerance::GPU_LOSS;
-    out.add((stage::LOSS, "L1"), (l1 - small.l1).abs(), bound);
+    let stage = stage::own(ctx.kernels.rasterizer).loss;
+    out.add((stage, "L1"), (l1 - small.l1).abs(), bound);
     let ssim_error = (ssim - all / n as f64).abs();
-    out.add((stage::LOSS, "SSIM"), ssim_error, bound);
+    out.add((stage, "SSIM"), ssim_error, bound);
     let near = |at: usize, side: usize| at.min(SIDE / 2).max((at + SIDE).saturating_sub(side));
     let of_pixel = |pixel: usize| {
         let (x, y) = (near(pixel % width, width), near(pixel / width, height));
@@ -282,7 +284,7 @@ pub fn examine_residual(ctx: &Context, (width, height): (usize, usize)) -> Resul
         [0, 1, 2].map(|c| small.d_render[3 * (y * SIDE + x) + c] * share)
     };
     let theirs: Vec<f64> = (0..n).flat_map(of_pixel).collect();
-    out.close((stage::LOSS, "gradient"), &ours, &theirs, bound);
+    out.close((stage, "gradient"), &ours, &theirs, bound);
     Ok(out)
 }
 

@@ -108,7 +108,7 @@ pub fn examine(gpu: Gpu) -> Result<Report> {
         .at(&adapter.name)
         .way_out("update its driver, or use another adapter"));
     }
-    let mut ctx = Context::new(gpu)?;
+    let mut ctx = Context::new(gpu);
     let config = Config::preset("paper")?;
     let mut findings = examine_kernels(&ctx)?;
     let mut timings = timing::time_rest(&ctx)?;
@@ -119,8 +119,9 @@ pub fn examine(gpu: Gpu) -> Result<Report> {
     let mut rasterizers = Vec::new();
     for rasterizer in [by_rule].into_iter().chain(others) {
         if rasterizer != ctx.kernels.rasterizer {
-            ctx = ctx.with_rasterizer(rasterizer)?;
+            ctx = ctx.with_rasterizer(rasterizer);
             findings.extend(examine_views(&ctx)?);
+            findings.extend(examine_losses(&ctx)?);
         }
         for case in view::large_cases() {
             findings.extend(view::examine(&ctx, &case)?.0.list);
@@ -128,6 +129,8 @@ pub fn examine(gpu: Gpu) -> Result<Report> {
         let timed = view::timed_case();
         findings.extend(view::examine(&ctx, &timed)?.0.list);
         let (own, view_seconds) = timing::time_view(&ctx, &timed)?;
+        let (losses, loss_seconds) = timing::time_losses(&ctx)?;
+        timings.extend(losses);
         // Stages that all rasterizers share are timed once, with the rule's.
         let is_new = |t: &Timing| timings.iter().all(|known: &Timing| known.stage != t.stage);
         let own: Vec<Timing> = own.into_iter().filter(is_new).collect();
@@ -135,7 +138,7 @@ pub fn examine(gpu: Gpu) -> Result<Report> {
         rasterizers.push(RasterizerReport {
             rasterizer,
             is_rule: rasterizer == by_rule,
-            view_seconds,
+            view_seconds: view_seconds + loss_seconds,
             repeat: determinism::repeat(&ctx)?,
         });
     }
@@ -161,16 +164,26 @@ pub fn examine_views(ctx: &Context) -> Result<Vec<Finding>> {
     Ok(findings)
 }
 
+/// Holds the image losses to the reference, with the context's rasterizer.
+///
+/// # Errors
+/// A GPU fault.
+pub fn examine_losses(ctx: &Context) -> Result<Vec<Finding>> {
+    let mut findings = Vec::new();
+    for case in loss_cases() {
+        findings.extend(loss::examine(ctx, &case)?.list);
+    }
+    findings.extend(loss::examine_residual(ctx, loss::LARGE)?.list);
+    Ok(findings)
+}
+
 /// Holds every kernel to the reference on small cases.
 ///
 /// # Errors
 /// A GPU fault.
 pub fn examine_kernels(ctx: &Context) -> Result<Vec<Finding>> {
     let mut findings = examine_views(ctx)?;
-    for case in loss_cases() {
-        findings.extend(loss::examine(ctx, &case)?.list);
-    }
-    findings.extend(loss::examine_residual(ctx, loss::LARGE)?.list);
+    findings.extend(examine_losses(ctx)?);
     for degree in 0..4 {
         for n_views in [1, 2] {
             findings.extend(adam::examine(ctx, degree, n_views, f32::INFINITY)?.list);

@@ -32,38 +32,28 @@ pub struct Context {
 }
 
 impl Context {
-    /// Compiles all kernels, with the rasterizer that the rule gives this adapter.
-    ///
-    /// # Errors
-    /// A kernel that the driver refuses.
-    pub fn new(gpu: Gpu) -> Result<Context> {
+    /// Takes all kernels, with the rasterizer that the rule gives this adapter.
+    pub fn new(gpu: Gpu) -> Context {
         let rasterizer = Rasterizer::of(RasterizerChoice::Auto, &gpu);
         Self::from_sources(gpu, rasterizer, &shader::compose)
     }
 
     /// Does the same as [`Context::new`] with another rasterizer, and other sources than the program's.
-    ///
-    /// # Errors
-    /// As [`Context::new`].
-    pub fn from_sources(gpu: Gpu, rasterizer: Rasterizer, sources: Sources<'_>) -> Result<Context> {
-        let context = Context {
-            kernels: Kernels::from_sources(&gpu, rasterizer, sources),
-            optimizer: OptimizerKernels::from_sources(&gpu, sources),
-            pose: PoseKernels::from_sources(&gpu, sources),
+    pub fn from_sources(gpu: Gpu, rasterizer: Rasterizer, sources: Sources<'_>) -> Context {
+        Context {
+            kernels: Kernels::from_sources(rasterizer, sources),
+            optimizer: OptimizerKernels::from_sources(sources),
+            pose: PoseKernels::from_sources(sources),
             gpu,
-        };
-        context.gpu.check()?;
-        Ok(context)
+        }
     }
 
     /// Makes a context of the same adapter with another rasterizer.
-    ///
-    /// # Errors
-    /// A kernel that the driver refuses.
-    pub fn with_rasterizer(self, rasterizer: Rasterizer) -> Result<Context> {
-        let kernels = Kernels::with(&self.gpu, rasterizer);
-        self.gpu.check()?;
-        Ok(Context { kernels, ..self })
+    pub fn with_rasterizer(self, rasterizer: Rasterizer) -> Context {
+        Context {
+            kernels: Kernels::with(rasterizer),
+            ..self
+        }
     }
 }
 

@@ -7,8 +7,12 @@ use crate::gpu::Rasterizer;
 pub const PROJECT: &str = "project";
 /// Sums the counts of pairs up, so that each splat knows its first pair.
 pub const SCAN: &str = "scan";
+/// Sums the counts up, the threads of a workgroup as a tree.
+pub const SCAN_WORKGROUP: &str = "scan, workgroup";
 /// Sorts splats by depth, and pairs by tile.
 pub const RADIX_SORT: &str = "radix sort";
+/// Sorts them, a workgroup a block of entries.
+pub const RADIX_SORT_WORKGROUP: &str = "radix sort, workgroup";
 /// Counts and emits the pairs of a splat and a tile that it reaches.
 pub const BIN: &str = "bin";
 /// Emits pairs for the tiles of a workgroup.
@@ -25,6 +29,10 @@ pub const RASTERIZE_WORKGROUP: &str = "rasterize, workgroup";
 pub const LOSS: &str = "L1 + SSIM";
 /// Compares an image with its target image, each pixel by its weight, and finds the gradient.
 pub const MASKED_LOSS: &str = "L1 + SSIM, masked";
+/// Compares the images, a workgroup a tile.
+pub const LOSS_WORKGROUP: &str = "L1 + SSIM, workgroup";
+/// Compares the images by the pixels' weights, a workgroup a tile.
+pub const MASKED_LOSS_WORKGROUP: &str = "L1 + SSIM, masked, workgroup";
 /// Carries the image's gradient back to the pairs.
 pub const RASTERIZE_BACKWARD: &str = "rasterize_backward";
 /// Finds the gradients of splats, a workgroup a tile.
@@ -47,10 +55,12 @@ pub const FIELD: &str = "field, on the CPU";
 pub const POINT_SPLAT: &str = "point splat, on the CPU";
 
 /// Every stage, in the order of the flow.
-pub const ALL: [&str; 21] = [
+pub const ALL: [&str; 25] = [
     PROJECT,
     SCAN,
+    SCAN_WORKGROUP,
     RADIX_SORT,
+    RADIX_SORT_WORKGROUP,
     BIN,
     BIN_WORKGROUP,
     TILE_RANGES,
@@ -59,6 +69,8 @@ pub const ALL: [&str; 21] = [
     RASTERIZE_WORKGROUP,
     LOSS,
     MASKED_LOSS,
+    LOSS_WORKGROUP,
+    MASKED_LOSS_WORKGROUP,
     RASTERIZE_BACKWARD,
     RASTERIZE_BACKWARD_WORKGROUP,
     SUM_PAIRS,
@@ -74,23 +86,54 @@ pub const ALL: [&str; 21] = [
 /// The stages that are a rasterizer's own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Own {
+    /// Sums counts up.
+    pub scan: &'static str,
+    /// Sorts by radix.
+    pub radix_sort: &'static str,
     /// Emits the pairs.
     pub bin: &'static str,
     /// Blends the splats of each tile.
     pub rasterize: &'static str,
+    /// Compares images.
+    pub loss: &'static str,
+    /// Compares images by the pixels' weights.
+    pub masked_loss: &'static str,
     /// Finds the gradients of the pairs.
     pub rasterize_backward: &'static str,
+}
+
+impl Own {
+    /// Returns all of them.
+    pub fn all(&self) -> [&'static str; 7] {
+        [
+            self.scan,
+            self.radix_sort,
+            self.bin,
+            self.rasterize,
+            self.loss,
+            self.masked_loss,
+            self.rasterize_backward,
+        ]
+    }
 }
 
 /// Returns the stages of `rasterizer`.
 pub fn own(rasterizer: Rasterizer) -> Own {
     match rasterizer {
         Rasterizer::Thread => Own {
+            scan: SCAN,
+            radix_sort: RADIX_SORT,
+            loss: LOSS,
+            masked_loss: MASKED_LOSS,
             bin: BIN,
             rasterize: RASTERIZE,
             rasterize_backward: RASTERIZE_BACKWARD,
         },
         Rasterizer::Workgroup => Own {
+            scan: SCAN_WORKGROUP,
+            radix_sort: RADIX_SORT_WORKGROUP,
+            loss: LOSS_WORKGROUP,
+            masked_loss: MASKED_LOSS_WORKGROUP,
             bin: BIN_WORKGROUP,
             rasterize: RASTERIZE_WORKGROUP,
             rasterize_backward: RASTERIZE_BACKWARD_WORKGROUP,

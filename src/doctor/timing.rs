@@ -118,11 +118,9 @@ fn steps(rasterizer: Rasterizer) -> [Step; 12] {
         (stage::PROJECT, |pass, commands| pass.project(commands)),
         ("", |pass, commands| pass.sort_by_depth(commands)),
         (own.bin, |pass, commands| pass.count_pairs(commands)),
-        (stage::SCAN, |pass, commands| pass.scan_pairs(commands)),
+        (own.scan, |pass, commands| pass.scan_pairs(commands)),
         (own.bin, |pass, commands| pass.emit_pairs(commands)),
-        (stage::RADIX_SORT, |pass, commands| {
-            pass.sort_by_tile(commands)
-        }),
+        (own.radix_sort, |pass, commands| pass.sort_by_tile(commands)),
         (stage::TILE_RANGES, |pass, commands| {
             pass.find_tile_ranges(commands)
         }),
@@ -177,9 +175,9 @@ pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<(Vec<Timing>, f64)> {
     let n = case.gaussians.n();
     let timings = [
         (stage::PROJECT, n, "Gaussians"),
-        (stage::RADIX_SORT, n_pairs, "pairs"),
+        (own.radix_sort, n_pairs, "pairs"),
         (own.bin, n_pairs, "pairs"),
-        (stage::SCAN, n, "Gaussians"),
+        (own.scan, n, "Gaussians"),
         (stage::TILE_RANGES, n_pairs, "pairs"),
         (
             stage::TILE_ORDER,
@@ -196,40 +194,50 @@ pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<(Vec<Timing>, f64)> {
     Ok((timings.to_vec(), least))
 }
 
-/// Times the losses, Adam, and the changes of the set.
+/// Times the losses, and returns the seconds of one without a mask, too.
+///
+/// # Errors
+/// A GPU fault, or a case that the adapter cannot hold.
+pub fn time_losses(ctx: &Context) -> Result<(Vec<Timing>, f64)> {
+    let own = stage::own(ctx.kernels.rasterizer);
+    let mut watch = Stopwatch::new(ctx);
+    let n_pixels = TIMED_SIZE.0 * TIMED_SIZE.1;
+    let rig = loss::rig(ctx, TIMED_SIZE)?;
+    let goal = vec![0xff80_8080; n_pixels];
+    rig.workspace.set_goal(&ctx.gpu, 0, &rig.view, &goal);
+    let kinds = [(own.loss, false), (own.masked_loss, true)];
+    for _ in 0..ROUNDS {
+        for (stage, masked) in kinds {
+            let uniform = LossUniform::new(1.0, loss::SSIM_WEIGHT, n_pixels as f64, masked);
+            let pass = rig.pass(ctx);
+            let seconds = watch.run(|commands| pass.loss(commands, uniform))?;
+            watch.keep(stage, seconds);
+        }
+    }
+    let [plain, masked] = kinds.map(|(stage, _)| watch.timing(stage, n_pixels, "pixels"));
+    Ok((vec![plain, masked], plain.seconds))
+}
+
+/// Times Adam, and the changes of the set.
 ///
 /// # Errors
 /// A GPU fault, or a case that the adapter cannot hold.
 pub fn time_rest(ctx: &Context) -> Result<Vec<Timing>> {
     let gpu = &ctx.gpu;
     let mut watch = Stopwatch::new(ctx);
-    let n_pixels = TIMED_SIZE.0 * TIMED_SIZE.1;
-    let rig = loss::rig(ctx, TIMED_SIZE)?;
-    let goal = vec![0xff80_8080; n_pixels];
-    rig.workspace.set_goal(gpu, 0, &rig.view, &goal);
     let n = TIMED_GAUSSIANS;
     let optimizer = changes::optimizer(ctx, n, n, 3)?;
     let space = adam::workspace(ctx, n)?;
     let groups = optimizer.bind(gpu, &ctx.optimizer, &space);
     let config = adam::config()?;
     for _ in 0..ROUNDS {
-        for (stage, masked) in [(stage::LOSS, false), (stage::MASKED_LOSS, true)] {
-            let uniform = LossUniform::new(1.0, loss::SSIM_WEIGHT, n_pixels as f64, masked);
-            let pass = rig.pass(ctx);
-            let seconds = watch.run(|commands| pass.loss(commands, uniform))?;
-            watch.keep(stage, seconds);
-        }
         let step = StepUniform::new(&config, 0, 1.0, &adam::CENTERS);
         let seconds = watch.run(|commands| {
             optimizer.step(gpu, &ctx.optimizer, &groups, commands, step, 3);
         })?;
         watch.keep(stage::ADAM, seconds);
     }
-    let mut timings = vec![
-        watch.timing(stage::LOSS, n_pixels, "pixels"),
-        watch.timing(stage::MASKED_LOSS, n_pixels, "pixels"),
-        watch.timing(stage::ADAM, n, "Gaussians"),
-    ];
+    let mut timings = vec![watch.timing(stage::ADAM, n, "Gaussians")];
     // Both submit themselves.
     let mut optimizer = optimizer;
     let plan = changes::random_plan(n, n, 3);

@@ -38,7 +38,7 @@ pub fn fit_poses(
     let mut fit = Fit {
         gpu,
         kernels,
-        pose_kernels: PoseKernels::new(gpu),
+        pose_kernels: PoseKernels::default(),
         model: Model::upload(gpu, gaussians, gaussians.len())?,
         config,
         near: frame.near(config.model.near),

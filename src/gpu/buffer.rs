@@ -13,6 +13,9 @@ use crate::error::{Error, Result};
 /// beside it, asked of the system for the first time.
 pub const PORTION: usize = 4 << 20;
 
+/// Where parts of a buffer that are bound as uniforms may begin, bytes: WebGPU's default.
+pub const UNIFORM_ALIGNMENT: u64 = 256;
+
 /// Description of buffers that need not exist yet: their name, and the bytes of an entry. One
 /// description makes the buffers and says what they will take.
 #[derive(Clone, Copy, Debug)]
@@ -87,16 +90,22 @@ impl BufferKind {
     }
 }
 
-/// A storage or uniform buffer, zero at first; its bytes count towards [`Gpu::peak_bytes`].
+/// A storage or uniform buffer, zero at first; its bytes count towards [`Gpu::peak_bytes`]. It may be a part of
+/// another one, which then counts them.
 pub struct Buffer {
     pub(super) raw: wgpu::Buffer,
+    /// First byte in `raw`.
+    first: u64,
     bytes: u64,
-    allocated: Arc<AtomicU64>,
+    /// Where the bytes are counted; `None` for a part.
+    allocated: Option<Arc<AtomicU64>>,
 }
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        self.allocated.fetch_sub(self.bytes, Ordering::Relaxed);
+        if let Some(allocated) = &self.allocated {
+            allocated.fetch_sub(self.bytes, Ordering::Relaxed);
+        }
     }
 }
 
@@ -128,6 +137,11 @@ impl Buffer {
             size_of::<T>() as u64,
             wgpu::BufferUsages::UNIFORM,
         )
+    }
+
+    /// Allocates a buffer of `bytes` bytes whose parts are uniforms.
+    pub fn uniforms(gpu: &Gpu, bytes: u64) -> Buffer {
+        Self::create(gpu, "uniforms", bytes, wgpu::BufferUsages::UNIFORM)
     }
 
     /// Allocates a uniform buffer that holds `value`.
@@ -171,9 +185,48 @@ impl Buffer {
         gpu.count(bytes);
         Buffer {
             raw,
+            first: 0,
             bytes,
-            allocated: Arc::clone(&gpu.allocated),
+            allocated: Some(Arc::clone(&gpu.allocated)),
         }
+    }
+
+    /// Returns the part of `bytes` bytes from byte `first` on, a multiple of [`UNIFORM_ALIGNMENT`] for
+    /// uniforms.
+    pub fn part(&self, first: u64, bytes: u64) -> Buffer {
+        Buffer {
+            raw: self.raw.clone(),
+            first: self.first + first,
+            bytes,
+            allocated: None,
+        }
+    }
+
+    /// Returns all of it as a part, which does not count its bytes again.
+    pub(super) fn whole(&self) -> Buffer {
+        self.part(0, self.bytes)
+    }
+
+    /// Returns what bind groups take.
+    pub(super) fn binding(&self) -> wgpu::BindingResource<'_> {
+        wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+            buffer: &self.raw,
+            offset: self.first,
+            size: wgpu::BufferSize::new(self.bytes),
+        })
+    }
+
+    pub(super) fn encode_clear(&self, encoder: &mut wgpu::CommandEncoder) {
+        encoder.clear_buffer(&self.raw, self.first, Some(self.bytes));
+    }
+
+    pub(super) fn encode_copy(&self, encoder: &mut wgpu::CommandEncoder, to: &Buffer) {
+        encoder.copy_buffer_to_buffer(&self.raw, self.first, &to.raw, to.first, self.bytes);
+    }
+
+    /// Returns the first byte in the buffer that it is a part of; 0 for one of its own.
+    pub fn first(&self) -> u64 {
+        self.first
     }
 
     /// Returns the size, bytes.
@@ -183,8 +236,9 @@ impl Buffer {
 
     /// Queues a write of `data` to the buffer's start, before the next submission.
     pub fn write<T: Pod>(&self, gpu: &Gpu, data: &[T]) {
-        gpu.queue
-            .write_buffer(&self.raw, 0, bytemuck::cast_slice(data));
+        gpu.asked.write();
+        let data = bytemuck::cast_slice(data);
+        gpu.queue.write_buffer(&self.raw, self.first, data);
     }
 
     /// Waits for the GPU and reads the first `len` values of `T`.
@@ -211,7 +265,7 @@ impl Buffer {
         };
         let staging = Self::readback(gpu, Self::readback_bytes(out.len() as u64))?;
         let staging = &staging.raw;
-        let mut first = first;
+        let mut first = self.first + first;
         for portion in out.chunks_mut(PORTION) {
             let bytes = (portion.len() as u64).next_multiple_of(4);
             let mut encoder = gpu.device.create_command_encoder(&Default::default());

@@ -27,6 +27,16 @@ pub const RADIX_CHUNK: u32 = 128;
 pub const RADIX_BITS: u32 = 4;
 /// Values of a digit.
 pub const RADIX_DIGITS: u32 = 1 << RADIX_BITS;
+/// Entries that a workgroup of a radix sort moves.
+pub const GROUP_RADIX_CHUNK: u32 = 1024;
+/// Bits of the digit of such a sort, which takes half of them at a time.
+pub const GROUP_RADIX_BITS: u32 = 8;
+/// Values of such a digit.
+pub const GROUP_RADIX_DIGITS: u32 = 1 << GROUP_RADIX_BITS;
+const _: () = assert!(
+    GROUP_RADIX_CHUNK / WORKGROUP == 1 << (GROUP_RADIX_BITS / 2),
+    "a thread has as many entries as there are halves of a digit"
+);
 /// Bits of a depth key, the key of the sort by depth.
 pub const DEPTH_BITS: u32 = 32;
 /// Sorted pairs that a thread looks through for the ends of tiles.
@@ -120,6 +130,8 @@ pub fn prelude(sh_degree: u32) -> String {
         ("RADIX_CHUNK", RADIX_CHUNK),
         ("RANGE_CHUNK", RANGE_CHUNK),
         ("RADIX_DIGITS", RADIX_DIGITS),
+        ("GROUP_RADIX_CHUNK", GROUP_RADIX_CHUNK),
+        ("GROUP_RADIX_DIGITS", GROUP_RADIX_DIGITS),
         ("EMIT_CHUNK", EMIT_CHUNK),
         ("PAIR_BLOCK", PAIR_BLOCK),
         ("LIST_SLICE", LIST_SLICE),

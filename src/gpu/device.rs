@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
+use super::commands::{Asked, Requests};
 use crate::error::{Error, ErrorKind, Result};
 use crate::files::peak_host_bytes;
 
@@ -22,6 +23,7 @@ pub struct Gpu {
     pub features: wgpu::Features,
     pub(super) allocated: Arc<AtomicU64>,
     pub(super) peak: AtomicU64,
+    pub(super) asked: Asked,
     memory_limit: AtomicU64,
     faults: Arc<Mutex<Faults>>,
     host_bytes_at_start: u64,
@@ -79,6 +81,7 @@ impl Gpu {
             features,
             allocated: Arc::new(AtomicU64::new(0)),
             peak: AtomicU64::new(0),
+            asked: Asked::default(),
             memory_limit: AtomicU64::new(u64::MAX),
             faults,
             host_bytes_at_start: peak_host_bytes().unwrap_or(0),
@@ -115,6 +118,11 @@ impl Gpu {
     /// Returns the most bytes that this program's buffers have held at one time.
     pub fn peak_bytes(&self) -> u64 {
         self.peak.load(Ordering::Relaxed)
+    }
+
+    /// Returns how much the host has asked of the GPU so far.
+    pub fn requests(&self) -> Requests {
+        self.asked.so_far()
     }
 
     /// Makes memory count as run out once buffers would hold more than `bytes`, reported as the
@@ -183,7 +191,8 @@ impl Gpu {
         .at(&self.info.name)
         .way_out(
             "close what else uses the GPU, or use fewer Gaussians (`--max-points`, \
-                 `--set densify.max_gaussians=N`) or smaller images (`--max-size`)",
+                 `--set densify.max_gaussians=N`), smaller images (`--max-size`) or no target images \
+                 on the GPU (`--set render.targets_mib=0`)",
         )
     }
 

@@ -1,107 +1,174 @@
 //! Kernels: a compute pipeline whose bind group layout is read off the shader by naga, so that no
-//! second list of bindings exists, and the commands that dispatch them.
+//! second list of bindings exists.
+//!
+//! A stage is checked when one of its kernels is first bound, and a pipeline is compiled when commands first
+//! dispatch it: a run compiles those that it uses.
 
-use super::constants::WORKGROUP;
-use super::{Buffer, Gpu, Profile};
+use std::sync::{Arc, OnceLock};
 
-/// One entry point of one stage.
-pub struct Kernel {
+use super::{Buffer, Gpu};
+
+/// One entry point of one stage. Copies share its pipeline.
+#[derive(Clone)]
+pub struct Kernel(Arc<Parts>);
+
+struct Parts {
     name: &'static str,
-    pipeline: wgpu::ComputePipeline,
-    layout: wgpu::BindGroupLayout,
+    stage: Arc<Stage>,
+    layout: OnceLock<Layout>,
+    pipeline: OnceLock<wgpu::ComputePipeline>,
+}
+
+struct Layout {
+    group: wgpu::BindGroupLayout,
     /// (name, binding) of every variable that the entry point uses.
     bindings: Vec<(String, u32)>,
 }
 
 impl Kernel {
-    /// Checks a stage and compiles its one kernel: [`Stage::new`] and [`Stage::kernel`] in a row.
-    ///
-    /// # Panics
-    /// If the shader does not validate: a fault in this program; the message is naga's.
-    pub fn from_source(gpu: &Gpu, stage: &str, entry: &'static str, source: String) -> Kernel {
-        Stage::new(gpu, stage, source).kernel(gpu, entry)
+    /// Makes the one kernel of a stage: [`Stage::new`] and [`Stage::kernel`] in a row.
+    pub fn from_source(stage: &str, entry: &'static str, source: String) -> Kernel {
+        Stage::new(stage, source).kernel(entry)
+    }
+
+    /// Returns the name of the entry point.
+    pub(super) fn name(&self) -> &'static str {
+        self.0.name
+    }
+
+    /// Says whether `other` is a copy of it.
+    pub(super) fn is(&self, other: &Kernel) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+
+    /// Says whether its pipeline is there.
+    pub fn is_compiled(&self) -> bool {
+        self.0.pipeline.get().is_some()
+    }
+
+    /// Returns the pipeline, which the first call compiles.
+    pub(super) fn pipeline(&self, gpu: &Gpu) -> &wgpu::ComputePipeline {
+        let Parts {
+            name: entry,
+            stage,
+            pipeline,
+            ..
+        } = &*self.0;
+        pipeline.get_or_init(|| {
+            let layout = gpu
+                .device
+                .create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                    label: Some(entry),
+                    bind_group_layouts: &[Some(&self.layout(gpu).group)],
+                    immediate_size: 0,
+                });
+            gpu.device
+                .create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                    label: Some(entry),
+                    layout: Some(&layout),
+                    module: stage.shader(gpu),
+                    entry_point: Some(entry),
+                    compilation_options: Default::default(),
+                    cache: None,
+                })
+        })
     }
 
     /// Binds buffers by the names of the shader's variables; names that this entry point does not
     /// use are passed over, so that a stage's entry points can share one list.
     ///
     /// # Panics
-    /// If a variable is left without a buffer: a fault in this program.
+    /// If a variable is left without a buffer, the shader does not validate, or it lacks the entry point: a
+    /// fault in this program; naga's message says what.
     pub fn bind(&self, gpu: &Gpu, buffers: &[(&str, &Buffer)]) -> wgpu::BindGroup {
-        let entries: Vec<wgpu::BindGroupEntry<'_>> = self
-            .bindings
+        let Layout { group, bindings } = self.layout(gpu);
+        let entries: Vec<wgpu::BindGroupEntry<'_>> = bindings
             .iter()
             .map(|(name, binding)| {
                 let buffer = buffers.iter().find(|(n, _)| n == name);
                 let (_, buffer) =
-                    buffer.unwrap_or_else(|| panic!("{}: nothing bound to `{name}`", self.name));
+                    buffer.unwrap_or_else(|| panic!("{}: nothing bound to `{name}`", self.0.name));
                 wgpu::BindGroupEntry {
                     binding: *binding,
-                    resource: buffer.raw.as_entire_binding(),
+                    resource: buffer.binding(),
                 }
             })
             .collect();
         gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(self.name),
-            layout: &self.layout,
+            label: Some(self.0.name),
+            layout: group,
             entries: &entries,
         })
+    }
+
+    fn layout(&self, gpu: &Gpu) -> &Layout {
+        let parts = &self.0;
+        let make = || parts.stage.layout(gpu, parts.name);
+        parts.layout.get_or_init(make)
     }
 }
 
 /// A stage's source, checked once for all its entry points.
 pub struct Stage {
     name: String,
-    module: naga::Module,
-    info: naga::valid::ModuleInfo,
-    shader: wgpu::ShaderModule,
+    source: String,
+    checked: OnceLock<(naga::Module, naga::valid::ModuleInfo)>,
+    shader: OnceLock<wgpu::ShaderModule>,
 }
 
 impl Stage {
-    /// Checks a complete WGSL `source`; `name` is for messages.
-    ///
-    /// # Panics
-    /// If the shader does not validate: a fault in this program; the message is naga's.
-    pub fn new(gpu: &Gpu, name: &str, source: String) -> Stage {
-        let module = naga::front::wgsl::parse_str(&source)
-            .unwrap_or_else(|e| panic!("{}", e.emit_to_string_with_path(&source, name)));
-        let flags = naga::valid::ValidationFlags::all();
-        let capabilities = naga::valid::Capabilities::empty();
-        let info = naga::valid::Validator::new(flags, capabilities)
-            .validate(&module)
-            .unwrap_or_else(|e| panic!("{}", e.emit_to_string_with_path(&source, name)));
-        let shader = gpu
-            .device
-            .create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(name),
-                source: wgpu::ShaderSource::Wgsl(source.into()),
-            });
-        Stage {
+    /// Takes a complete WGSL `source`; `name` is for messages.
+    pub fn new(name: &str, source: String) -> Arc<Stage> {
+        Arc::new(Stage {
             name: name.to_owned(),
-            module,
-            info,
-            shader,
-        }
+            source,
+            checked: OnceLock::new(),
+            shader: OnceLock::new(),
+        })
     }
 
-    /// Compiles entry point `entry`.
-    ///
-    /// # Panics
-    /// If there is none of that name: a fault in this program.
-    pub fn kernel(&self, gpu: &Gpu, entry: &'static str) -> Kernel {
-        let Stage {
-            name: stage,
-            module,
-            info,
-            shader,
-        } = self;
+    /// Makes the kernel of entry point `entry`.
+    pub fn kernel(self: &Arc<Stage>, entry: &'static str) -> Kernel {
+        Kernel(Arc::new(Parts {
+            name: entry,
+            stage: Arc::clone(self),
+            layout: OnceLock::new(),
+            pipeline: OnceLock::new(),
+        }))
+    }
+
+    fn checked(&self) -> &(naga::Module, naga::valid::ModuleInfo) {
+        let Stage { name, source, .. } = self;
+        self.checked.get_or_init(|| {
+            let module = naga::front::wgsl::parse_str(source)
+                .unwrap_or_else(|e| panic!("{}", e.emit_to_string_with_path(source, name)));
+            let flags = naga::valid::ValidationFlags::all();
+            let capabilities = naga::valid::Capabilities::empty();
+            let info = naga::valid::Validator::new(flags, capabilities)
+                .validate(&module)
+                .unwrap_or_else(|e| panic!("{}", e.emit_to_string_with_path(source, name)));
+            (module, info)
+        })
+    }
+
+    fn shader(&self, gpu: &Gpu) -> &wgpu::ShaderModule {
+        self.shader.get_or_init(|| {
+            gpu.device
+                .create_shader_module(wgpu::ShaderModuleDescriptor {
+                    label: Some(&self.name),
+                    source: wgpu::ShaderSource::Wgsl(self.source.as_str().into()),
+                })
+        })
+    }
+
+    fn layout(&self, gpu: &Gpu, entry: &str) -> Layout {
+        let (stage, (module, info)) = (&self.name, self.checked());
         let point = module
             .entry_points
             .iter()
             .position(|point| point.name == entry)
             .unwrap_or_else(|| panic!("{stage}: no entry point named {entry}"));
         let uses = info.get_entry_point(point);
-
         let mut bindings = Vec::new();
         let mut entries = Vec::new();
         for (handle, variable) in module.global_variables.iter() {
@@ -130,110 +197,17 @@ impl Stage {
             });
             bindings.push((variable.name.clone().unwrap_or_default(), binding.binding));
         }
-        let layout = gpu
+        let group = gpu
             .device
             .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
                 label: Some(entry),
                 entries: &entries,
             });
-        let pipeline_layout = gpu
-            .device
-            .create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                label: Some(entry),
-                bind_group_layouts: &[Some(&layout)],
-                immediate_size: 0,
-            });
-        let pipeline = gpu
-            .device
-            .create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(entry),
-                layout: Some(&pipeline_layout),
-                module: shader,
-                entry_point: Some(entry),
-                compilation_options: Default::default(),
-                cache: None,
-            });
-        Kernel {
-            name: entry,
-            pipeline,
-            layout,
-            bindings,
-        }
+        Layout { group, bindings }
     }
 }
 
-/// Calls `make` with the SH degrees 0 to 3, side by side.
-pub fn by_degree<T: Send>(make: impl Fn(u32) -> T + Sync) -> [T; 4] {
-    let ((zero, one), (two, three)) = rayon::join(
-        || rayon::join(|| make(0), || make(1)),
-        || rayon::join(|| make(2), || make(3)),
-    );
-    [zero, one, two, three]
-}
-
-/// Commands recorded for one submission.
-pub struct Commands<'a> {
-    gpu: &'a Gpu,
-    encoder: wgpu::CommandEncoder,
-    profile: Option<&'a mut Profile>,
-}
-
-impl<'a> Commands<'a> {
-    /// Starts an empty list of commands, without timestamps.
-    pub fn new(gpu: &'a Gpu) -> Commands<'a> {
-        Self::profiled(gpu, None)
-    }
-
-    /// Starts an empty list of commands; given a profile, takes the time of every dispatch.
-    pub fn profiled(gpu: &'a Gpu, profile: Option<&'a mut Profile>) -> Commands<'a> {
-        let encoder = gpu.device.create_command_encoder(&Default::default());
-        Commands {
-            gpu,
-            encoder,
-            profile,
-        }
-    }
-
-    /// Dispatches at least `n_threads` threads, folded into two dimensions.
-    pub fn dispatch(&mut self, kernel: &Kernel, group: &wgpu::BindGroup, n_threads: u64) {
-        let n_groups = n_threads.div_ceil(u64::from(WORKGROUP));
-        if n_groups == 0 {
-            return;
-        }
-        let (x, y) = fold(
-            n_groups,
-            self.gpu.limits.max_compute_workgroups_per_dimension,
-        );
-        let mut pass = self
-            .encoder
-            .begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: Some(kernel.name),
-                timestamp_writes: self.profile.as_mut().and_then(|p| p.next(kernel.name)),
-            });
-        pass.set_pipeline(&kernel.pipeline);
-        pass.set_bind_group(0, group, &[]);
-        pass.dispatch_workgroups(x, y, 1);
-    }
-
-    /// Sets a whole buffer to zero.
-    pub fn clear(&mut self, buffer: &Buffer) {
-        self.encoder.clear_buffer(&buffer.raw, 0, None);
-    }
-
-    /// Submits the commands, without a wait. Given a profile, also reads its timestamps out on the
-    /// GPU.
-    pub fn submit(mut self) {
-        if let Some(profile) = &self.profile {
-            profile.resolve(&mut self.encoder);
-        }
-        self.gpu.queue.submit([self.encoder.finish()]);
-    }
-}
-
-/// Returns `n` workgroups, at least 1, as columns and rows of which neither exceeds `limit`; fewer
-/// of them are idle than there are rows.
-pub fn fold(n: u64, limit: u32) -> (u32, u32) {
-    let rows = n.div_ceil(u64::from(limit));
-    let columns = n.div_ceil(rows);
-    (columns as u32, rows as u32)
+/// Calls `make` with the SH degrees 0 to 3.
+pub fn by_degree<T>(make: impl Fn(u32) -> T) -> [T; 4] {
+    [0, 1, 2, 3].map(make)
 }

@@ -1,6 +1,7 @@
 //! The GPU: adapter and limits, buffers with readback, shader composition, kernels.
 
 pub mod buffer;
+pub mod commands;
 pub mod constants;
 pub mod device;
 pub mod kernel;
@@ -8,8 +9,9 @@ pub mod rasterizer;
 pub mod shader;
 pub mod timestamps;
 
-pub use buffer::{Buffer, BufferKind, PORTION};
+pub use buffer::{Buffer, BufferKind, PORTION, UNIFORM_ALIGNMENT};
+pub use commands::{Commands, Requests};
 pub use device::{Gpu, adapters, binding_limit, prefer_adapter, shader_count};
-pub use kernel::{Commands, Kernel, Stage, by_degree};
+pub use kernel::{Kernel, Stage, by_degree};
 pub use rasterizer::Rasterizer;
 pub use timestamps::{KernelTime, Profile};

@@ -1,18 +1,23 @@
-//! This module says how the rasterizers share an image out among threads: one rule, and what follows from it for
-//! tiles and stages. Every other stage is the same for all.
+//! This module says how the rasterizers share an image out among threads: one rule, and what follows
+//! from it for tiles and stages. Sorts, scans and image losses have two kinds with them; every other
+//! stage is the same for all.
 
 use std::fmt;
 
 use serde::Serialize;
 
 use super::Gpu;
-use super::constants::{BLOCK_H, BLOCK_W, GROUP_TILE, TILE_H, TILE_W, WORKGROUP};
+use super::constants::{
+    BLOCK_H, BLOCK_W, GROUP_RADIX_BITS, GROUP_RADIX_CHUNK, GROUP_TILE, RADIX_BITS, RADIX_CHUNK,
+    TILE_H, TILE_W, WORKGROUP,
+};
 use crate::config::RasterizerChoice;
 
 /// Which threads own a tile of the image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Rasterizer {
+    #[default]
     /// One thread a tile of 4x8 pixels: for drivers that run on a CPU, whose threads are few and wide.
     Thread,
     /// One workgroup a tile of 16x16 pixels: for GPUs. Few registers a thread, so that many are in
@@ -23,12 +28,51 @@ pub enum Rasterizer {
 /// The stages that differ between rasterizers, by name.
 #[derive(Clone, Copy, Debug)]
 pub struct RasterizerStages {
+    /// Sorts by radix.
+    pub radix: &'static str,
+    /// Turns counts into prefix sums.
+    pub scan: &'static str,
     /// Emits the pairs.
     pub bin: &'static str,
     /// Blends the splats of each tile.
     pub rasterize: &'static str,
+    /// Compares images.
+    pub ssim: &'static str,
     /// Finds the gradients of the pairs.
     pub rasterize_backward: &'static str,
+}
+
+/// How a radix sort shares its entries out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RadixShape {
+    /// Bits of a digit.
+    pub bits: u32,
+    /// Entries whose digits are counted together.
+    pub chunk: u32,
+    /// Threads a chunk.
+    pub threads: u32,
+}
+
+impl RadixShape {
+    /// Returns the values of a digit.
+    pub fn digits(self) -> u32 {
+        1 << self.bits
+    }
+
+    /// Returns the passes of a sort by keys of so many bits.
+    pub fn passes(self, key_bits: u32) -> u32 {
+        key_bits.div_ceil(self.bits)
+    }
+
+    /// Returns the chunks of `n` entries.
+    pub fn chunks(self, n: usize) -> usize {
+        n.div_ceil(self.chunk as usize)
+    }
+
+    /// Returns the counts of digits of `n` entries.
+    pub fn counts(self, n: usize) -> usize {
+        self.chunks(n) * self.digits() as usize
+    }
 }
 
 impl Rasterizer {
@@ -60,14 +104,36 @@ impl Rasterizer {
     pub fn stages(self) -> RasterizerStages {
         match self {
             Rasterizer::Thread => RasterizerStages {
+                radix: "radix",
+                scan: "scan",
+                ssim: "ssim",
                 bin: "bin",
                 rasterize: "rasterize",
                 rasterize_backward: "rasterize_backward",
             },
             Rasterizer::Workgroup => RasterizerStages {
+                radix: "radix_workgroup",
+                scan: "scan_workgroup",
+                ssim: "ssim_workgroup",
                 bin: "bin_workgroup",
                 rasterize: "rasterize_workgroup",
                 rasterize_backward: "rasterize_backward_workgroup",
+            },
+        }
+    }
+
+    /// Returns how its radix sorts share their entries out.
+    pub fn radix(self) -> RadixShape {
+        match self {
+            Rasterizer::Thread => RadixShape {
+                bits: RADIX_BITS,
+                chunk: RADIX_CHUNK,
+                threads: 1,
+            },
+            Rasterizer::Workgroup => RadixShape {
+                bits: GROUP_RADIX_BITS,
+                chunk: GROUP_RADIX_CHUNK,
+                threads: WORKGROUP,
             },
         }
     }

@@ -27,20 +27,27 @@ const SHARED: &[(&str, &str)] = sources![
     "shared/group_tile",
     "shared/bin",
     "shared/loss",
+    "shared/ssim",
     "shared/radix",
+    "shared/radix_thread",
+    "shared/radix_group",
+    "shared/scan",
 ];
 
 /// Every stage's name and source, as written.
 pub const STAGES: &[(&str, &str)] = sources![
     "project",
     "radix",
+    "radix_workgroup",
     "bin",
     "bin_workgroup",
     "scan",
+    "scan_workgroup",
     "tile_ranges",
     "rasterize",
     "rasterize_workgroup",
     "ssim",
+    "ssim_workgroup",
     "loss_sum",
     "rasterize_backward",
     "rasterize_backward_workgroup",

@@ -99,7 +99,7 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
         used: carved.as_ref().map_or(&scene.cloud, |c| &c.cloud),
     };
     let gpu = Gpu::open()?;
-    let kernels = Kernels::with(&gpu, Rasterizer::of(config.render.rasterizer, &gpu));
+    let kernels = Kernels::with(Rasterizer::of(config.render.rasterizer, &gpu));
     let device = Device {
         gpu: &gpu,
         kernels: &kernels,

@@ -128,6 +128,7 @@ fn gpu_memory_table(bytes: &TrainingBytes) -> Table {
         moments,
         statistics,
         workspace,
+        targets,
         poses,
         reading,
         densifying,
@@ -159,6 +160,9 @@ fn gpu_memory_table(bytes: &TrainingBytes) -> Table {
         &pixels,
         workspace.goals,
     );
+    if targets > 0 {
+        row("target images that stay", "", targets);
+    }
     if poses > 0 {
         row("gradients of poses", &gaussians, poses);
     }

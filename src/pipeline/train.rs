@@ -186,8 +186,7 @@ impl Task<'_> {
             run,
             ..
         } = self;
-        let kernels = Kernels::with(gpu, Rasterizer::of(self.config.render.rasterizer, gpu));
-        seconds.compile = Some(clock.lap());
+        let kernels = Kernels::with(Rasterizer::of(self.config.render.rasterizer, gpu));
         let (trained, log, step) = self.train(gpu, &kernels, clock, &mut seconds)?;
         let Trained {
             gaussians,
@@ -336,9 +335,10 @@ impl Task<'_> {
         let (start, supervision) = (&prepared.start, &prepared.supervision);
         let mut trainer = Trainer::new(gpu, kernels, start, supervision, config)?;
         let log = keeper.resume(&mut trainer)?;
-        let compile_s = trainer.seconds().compile;
-        seconds.compile = Some(seconds.compile.unwrap_or(0.0) + compile_s);
-        seconds.upload = Some(clock.lap() - compile_s);
+        seconds.upload = Some(clock.lap());
+        trainer.compile();
+        clock.lap();
+        seconds.compile = Some(trainer.seconds().compile);
         seconds.to_first_iteration = Some(clock.total());
         let state = trainer.state();
         let done = state.done;

@@ -5,10 +5,8 @@ use super::capacity::Capacity;
 use super::uniforms::{
     BinUniform, LossUniform, RadixUniform, ScanUniform, SliceUniform, Splat, ViewUniform,
 };
-use crate::gpu::BufferKind;
-use crate::gpu::constants::{
-    DEPTH_BITS, N_TOTALS, RADIX_BITS, RADIX_CHUNK, RADIX_DIGITS, SCAN_CHUNK, SSIM_ROWS, WORKGROUP,
-};
+use crate::gpu::constants::{DEPTH_BITS, N_TOTALS, SCAN_CHUNK, SSIM_ROWS, WORKGROUP};
+use crate::gpu::{BufferKind, Rasterizer, UNIFORM_ALIGNMENT};
 
 /// The purpose under which a buffer's bytes are counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,6 +34,8 @@ pub(super) struct Described {
     copies: fn(&Capacity) -> usize,
     /// Whether only training needs them.
     trains: bool,
+    /// Whether each of a step's views has as many of its own, which are written together.
+    by_view: bool,
 }
 
 /// The plane of `d_rendered`, in training, that holds what each pixel has blended last; without, it is
@@ -51,16 +51,16 @@ type U2 = [u32; 2];
 /// Two entries of a radix sort, which reads two at once.
 type Entries = [u32; 4];
 
-/// Every buffer of a workspace. Uniforms of a step's views come one a slot.
+/// Every buffer of a workspace.
 pub(super) const BUFFERS: &[Described] = &[
-    uniform::<ViewUniform>("view", |_| N_SLOTS),
+    of_view::<ViewUniform>("view", |_| N_SLOTS),
+    of_view::<ScanUniform>("scan_pairs", |_| N_SLOTS),
+    of_view::<ScanUniform>("scan_splat_digits", |_| N_SLOTS),
+    of_view::<ScanUniform>("scan_pair_digits", |_| N_SLOTS),
+    of_view::<RadixUniform>("depth_passes", |c| N_SLOTS * n_depth_passes(c)),
     uniform::<LossUniform>("loss", |_| N_SLOTS),
-    uniform::<ScanUniform>("scan_pairs", |_| N_SLOTS),
-    uniform::<ScanUniform>("scan_splat_digits", |_| N_SLOTS),
-    uniform::<ScanUniform>("scan_pair_digits", |_| N_SLOTS),
-    // Slot by slot the passes of the depth sort; the slots share those of the pair sort.
-    uniform::<RadixUniform>("depth_passes", |_| N_SLOTS * N_DEPTH_PASSES as usize),
-    uniform::<RadixUniform>("pair_passes", |c| n_pair_passes(c.tiles) as usize),
+    // The slots share the passes of the pair sort.
+    uniform::<RadixUniform>("pair_passes", n_pair_passes),
     // Begin of each slice of the lists; none while lists are whole.
     uniform::<SliceUniform>("slice", n_slices),
     // To count, and to emit.
@@ -95,7 +95,11 @@ pub(super) const BUFFERS: &[Described] = &[
         copies: |_| N_SLOTS,
         ..training::<[u32; 4]>("goal", Part::Goals, |c| c.plane)
     },
-    training::<F4>("moments", Part::Loss, |c| 13 * c.plane),
+    // Workgroups have them in their own memory.
+    training::<F4>("moments", Part::Loss, |c| match c.rasterizer {
+        Rasterizer::Thread => 13 * c.plane,
+        Rasterizer::Workgroup => 0,
+    }),
     training::<F4>("derivatives", Part::Loss, |c| 9 * c.plane),
     training::<F2>("partials", Part::Loss, |c| n_partials(c.plane)),
     training::<F2>("block_partials", Part::Loss, |c| n_partials(c.plane)),
@@ -117,6 +121,14 @@ const fn uniform<T>(name: &'static str, copies: fn(&Capacity) -> usize) -> Descr
         more_to_train: |_| 0,
         copies,
         trains: false,
+        by_view: false,
+    }
+}
+
+const fn of_view<T>(name: &'static str, copies: fn(&Capacity) -> usize) -> Described {
+    Described {
+        by_view: true,
+        ..uniform::<T>(name, copies)
     }
 }
 
@@ -128,6 +140,7 @@ const fn storage<T>(name: &'static str, part: Part, len: fn(&Capacity) -> usize)
         more_to_train: |_| 0,
         copies: |_| 1,
         trains: false,
+        by_view: false,
     }
 }
 
@@ -215,13 +228,62 @@ impl Described {
     /// Returns the bytes of all copies in training.
     fn bytes(&self, capacity: &Capacity) -> u64 {
         let (len, copies) = self.size(capacity, true);
-        copies as u64 * self.kind.bytes(len)
+        copies as u64 * self.copy_bytes(len)
+    }
+
+    /// Returns the bytes of one copy, with those up to the next.
+    fn copy_bytes(&self, len: usize) -> u64 {
+        match self.kind.is_uniform() {
+            true => self.kind.bytes(len).next_multiple_of(UNIFORM_ALIGNMENT),
+            false => self.kind.bytes(len),
+        }
+    }
+}
+
+/// The places of all uniforms in one buffer: first those of each view of a step, view by view, then the
+/// rest.
+pub(super) struct Places {
+    /// First byte of each copy of each of [`BUFFERS`]; none for storage buffers.
+    pub(super) firsts: Vec<Vec<u64>>,
+    /// Bytes of one view's.
+    pub(super) of_view: u64,
+    /// Bytes of all.
+    pub(super) total: u64,
+}
+
+impl Places {
+    pub(super) fn of(capacity: &Capacity) -> Places {
+        let mut places = Places {
+            firsts: vec![Vec::new(); BUFFERS.len()],
+            of_view: 0,
+            total: 0,
+        };
+        for slot in 0..N_SLOTS {
+            places.append(capacity, true);
+            places.of_view = places.total / (slot as u64 + 1);
+        }
+        places.append(capacity, false);
+        places
+    }
+
+    /// Appends one view's uniforms, or those that belong to none.
+    fn append(&mut self, capacity: &Capacity, by_view: bool) {
+        let own = |d: &Described| d.kind.is_uniform() && d.by_view == by_view;
+        for (described, firsts) in BUFFERS.iter().zip(&mut self.firsts) {
+            let (len, copies) = described.size(capacity, true);
+            let copies = if by_view { copies / N_SLOTS } else { copies };
+            for _ in 0..if own(described) { copies } else { 0 } {
+                firsts.push(self.total);
+                self.total += described.copy_bytes(len);
+            }
+        }
     }
 }
 
 /// Returns the number of counts of the larger radix sort.
 fn n_digits(capacity: &Capacity) -> usize {
-    n_chunks(capacity.stride.max(capacity.pairs)) * RADIX_DIGITS as usize
+    let most = capacity.stride.max(capacity.pairs);
+    capacity.rasterizer.radix().counts(most)
 }
 
 /// Returns the number of blocks of the largest scan.
@@ -239,25 +301,21 @@ fn n_slices(capacity: &Capacity) -> usize {
     }
 }
 
-/// Passes of the depth sort.
-pub(super) const N_DEPTH_PASSES: u32 = DEPTH_BITS.div_ceil(RADIX_BITS);
-const _: () = assert!(
-    N_DEPTH_PASSES.is_multiple_of(2),
-    "the sorted splats end in the first buffer"
-);
+/// Returns the passes of the depth sort: an even number, so that the sorted splats end in the first
+/// buffer.
+pub(super) fn n_depth_passes(capacity: &Capacity) -> usize {
+    let passes = capacity.rasterizer.radix().passes(DEPTH_BITS);
+    passes.next_multiple_of(2) as usize
+}
 
 /// Returns the number of passes of the sort by tile.
-fn n_pair_passes(n_tiles: usize) -> u32 {
-    let bits = n_tiles.max(2).next_power_of_two().ilog2();
-    bits.div_ceil(RADIX_BITS)
+fn n_pair_passes(capacity: &Capacity) -> usize {
+    let bits = capacity.tiles.max(2).next_power_of_two().ilog2();
+    capacity.rasterizer.radix().passes(bits) as usize
 }
 
-/// Returns the number of chunks of a radix sort.
-pub(super) fn n_chunks(n: usize) -> usize {
-    n.div_ceil(RADIX_CHUNK as usize)
-}
-
-/// Returns the threads of SSIM's vertical passes over a padded image of `plane` vectors.
+/// Returns the threads of SSIM's vertical passes over a padded image of `plane` vectors; workgroups of a
+/// tile and a channel are no more.
 pub(super) fn n_partials(plane: usize) -> usize {
     3 * plane / SSIM_ROWS as usize
 }

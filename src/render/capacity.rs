@@ -23,6 +23,8 @@ pub fn most_pairs(gpu: &Gpu) -> usize {
 /// The room of a workspace, in numbers of what it holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Capacity {
+    /// The rasterizer that the room is for.
+    pub rasterizer: Rasterizer,
     /// Gaussians, and so entries a plane of their buffers.
     pub stride: usize,
     /// (tile, Gaussian) pairs of one view.
@@ -52,6 +54,7 @@ impl Capacity {
     ) -> Capacity {
         let largest = |of: &dyn Fn(&ViewUniform) -> usize| views.iter().map(of).max().unwrap_or(1);
         Capacity {
+            rasterizer,
             stride,
             pairs,
             tiles: largest(&|view| rasterizer.n_tiles(view.size)),
@@ -66,6 +69,7 @@ impl Capacity {
     /// Returns the larger of both in every respect.
     pub fn union(&self, other: &Capacity) -> Capacity {
         Capacity {
+            rasterizer: self.rasterizer,
             stride: self.stride.max(other.stride),
             pairs: self.pairs.max(other.pairs),
             tiles: self.tiles.max(other.tiles),

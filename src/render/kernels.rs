@@ -3,6 +3,7 @@
 use super::model::Model;
 use super::workspace::Workspace;
 use crate::config::RasterizerChoice;
+use crate::gpu::constants::{SCAN_CHUNK, SCAN_FEW, WORKGROUP};
 use crate::gpu::shader::{self, Sources};
 use crate::gpu::{Buffer, Gpu, Kernel, Rasterizer, Stage, by_degree};
 
@@ -31,7 +32,8 @@ pub struct Kernels {
     pub(super) order_tiles: Kernel,
     /// Whole lists, and slices of them.
     pub(super) rasterize: [Kernel; 2],
-    pub(super) ssim: [Kernel; 4],
+    /// In the order in which they run.
+    pub(super) ssim: Vec<Kernel>,
     pub(super) loss_blocks: Kernel,
     pub(super) loss_total: Kernel,
     /// Whole lists, and slices of them.
@@ -43,69 +45,59 @@ pub struct Kernels {
 }
 
 impl Kernels {
-    /// Compiles the program's own shaders, with the rasterizer that the rule gives this adapter.
+    /// Takes the program's own shaders, with the rasterizer that the rule gives this adapter.
     pub fn new(gpu: &Gpu) -> Kernels {
-        Self::with(gpu, Rasterizer::of(RasterizerChoice::Auto, gpu))
+        Self::with(Rasterizer::of(RasterizerChoice::Auto, gpu))
     }
 
-    /// Compiles the program's own shaders, with this rasterizer.
-    pub fn with(gpu: &Gpu, rasterizer: Rasterizer) -> Kernels {
-        Self::from_sources(gpu, rasterizer, &shader::compose)
+    /// Takes the program's own shaders, with this rasterizer.
+    pub fn with(rasterizer: Rasterizer) -> Kernels {
+        Self::from_sources(rasterizer, &shader::compose)
     }
 
-    /// Compiles other sources than the program's.
-    ///
-    /// # Panics
-    /// If a shader does not validate or lacks an entry point: a fault in the sources.
-    pub fn from_sources(gpu: &Gpu, rasterizer: Rasterizer, sources: Sources<'_>) -> Kernels {
+    /// Takes other sources than the program's.
+    pub fn from_sources(rasterizer: Rasterizer, sources: Sources<'_>) -> Kernels {
         let stages = rasterizer.stages();
-        let stage = |name: &str, degree: u32| Stage::new(gpu, name, sources(name, degree));
-        let by_degree =
-            |name: &'static str| by_degree(|degree| stage(name, degree).kernel(gpu, name));
-        let ((project, project_backward), (rasterize, rasterize_backward)) = rayon::join(
-            || rayon::join(|| by_degree("project"), || by_degree("project_backward")),
-            || {
-                let both = |name: &str, entries: [&'static str; 2]| {
-                    let stage = stage(name, 0);
-                    entries.map(|entry| stage.kernel(gpu, entry))
-                };
-                rayon::join(
-                    || both(stages.rasterize, ["rasterize", "rasterize_slice"]),
-                    || {
-                        let entries = ["rasterize_backward", "rasterize_backward_slice"];
-                        both(stages.rasterize_backward, entries)
-                    },
-                )
-            },
-        );
-        let (ssim, scan) = rayon::join(|| stage("ssim", 0), || stage("scan", 0));
-        let (tile_ranges, sum_pairs) = (stage("tile_ranges", 0), stage("sum_pairs", 0));
-        let (radix, loss) = rayon::join(|| stage("radix", 0), || stage("loss_sum", 0));
-        Kernels {
-            rasterizer,
-            project,
-            radix_count: radix.kernel(gpu, "radix_count"),
-            radix_move: radix.kernel(gpu, "radix_move"),
-            bin: stage(stages.bin, 0).kernel(gpu, "bin"),
-            scan_reduce: scan.kernel(gpu, "scan_reduce"),
-            scan_spread: scan.kernel(gpu, "scan_spread"),
-            scan_few: scan.kernel(gpu, "scan_few"),
-            find_tile_ranges: tile_ranges.kernel(gpu, "find_tile_ranges"),
-            order_tiles: tile_ranges.kernel(gpu, "order_tiles"),
-            rasterize,
-            ssim: [
+        let stage = |name: &str, degree: u32| Stage::new(name, sources(name, degree));
+        let by_degree = |name: &'static str| by_degree(|degree| stage(name, degree).kernel(name));
+        let [ssim, scan, radix] =
+            [stages.ssim, stages.scan, stages.radix].map(|name| stage(name, 0));
+        let ssim_entries: &[&'static str] = match rasterizer {
+            Rasterizer::Thread => &[
                 "ssim_horizontal",
                 "ssim_vertical",
                 "ssim_horizontal_backward",
                 "ssim_vertical_backward",
-            ]
-            .map(|entry| ssim.kernel(gpu, entry)),
-            loss_blocks: loss.kernel(gpu, "loss_blocks"),
-            loss_total: loss.kernel(gpu, "loss_total"),
-            rasterize_backward,
-            sum_pairs: ["sum_pairs", "sum_pair_blocks"].map(|entry| sum_pairs.kernel(gpu, entry)),
-            sum_gaussians: sum_pairs.kernel(gpu, "sum_gaussians"),
-            project_backward,
+            ],
+            Rasterizer::Workgroup => &["ssim_forward", "ssim_backward"],
+        };
+        let (tile_ranges, sum_pairs) = (stage("tile_ranges", 0), stage("sum_pairs", 0));
+        let loss = stage("loss_sum", 0);
+        let raster = stage(stages.rasterize, 0);
+        let raster_backward = stage(stages.rasterize_backward, 0);
+        Kernels {
+            rasterizer,
+            project: by_degree("project"),
+            radix_count: radix.kernel("radix_count"),
+            radix_move: radix.kernel("radix_move"),
+            bin: stage(stages.bin, 0).kernel("bin"),
+            scan_reduce: scan.kernel("scan_reduce"),
+            scan_spread: scan.kernel("scan_spread"),
+            scan_few: scan.kernel("scan_few"),
+            find_tile_ranges: tile_ranges.kernel("find_tile_ranges"),
+            order_tiles: tile_ranges.kernel("order_tiles"),
+            rasterize: ["rasterize", "rasterize_slice"].map(|entry| raster.kernel(entry)),
+            ssim: ssim_entries
+                .iter()
+                .map(|entry| ssim.kernel(entry))
+                .collect(),
+            loss_blocks: loss.kernel("loss_blocks"),
+            loss_total: loss.kernel("loss_total"),
+            rasterize_backward: ["rasterize_backward", "rasterize_backward_slice"]
+                .map(|entry| raster_backward.kernel(entry)),
+            sum_pairs: ["sum_pairs", "sum_pair_blocks"].map(|entry| sum_pairs.kernel(entry)),
+            sum_gaussians: sum_pairs.kernel("sum_gaussians"),
+            project_backward: by_degree("project_backward"),
         }
     }
 }
@@ -117,8 +109,8 @@ pub struct Bound {
 }
 
 pub(super) struct Groups {
-    /// By active SH degree.
-    pub(super) project: [wgpu::BindGroup; 4],
+    /// By active SH degree, up to the model's.
+    pub(super) project: Vec<wgpu::BindGroup>,
     pub(super) depth_passes: Vec<RadixGroups>,
     pub(super) pair_passes: Vec<RadixGroups>,
     pub(super) bin_count: wgpu::BindGroup,
@@ -136,19 +128,21 @@ pub(super) struct RadixGroups {
     pub(super) shift: wgpu::BindGroup,
 }
 
-pub(super) struct ScanGroups {
+/// Bind groups of a scan, by the way that its most counts take.
+pub(super) enum ScanGroups {
+    /// For `scan_few`.
+    Few(wgpu::BindGroup),
     /// For `scan_reduce` and `scan_spread`.
-    pub(super) many: [wgpu::BindGroup; 2],
-    pub(super) few: wgpu::BindGroup,
+    Many([wgpu::BindGroup; 2]),
 }
 
 pub(super) struct BackwardGroups {
-    pub(super) ssim: [wgpu::BindGroup; 4],
+    pub(super) ssim: Vec<wgpu::BindGroup>,
     pub(super) loss_sum: [wgpu::BindGroup; 2],
     pub(super) rasterize: RasterGroups,
     pub(super) sum_pairs: [wgpu::BindGroup; 2],
     pub(super) sum_gaussians: wgpu::BindGroup,
-    pub(super) project: [wgpu::BindGroup; 4],
+    pub(super) project: Vec<wgpu::BindGroup>,
 }
 
 /// Bind groups of a rasterizer: one for whole lists, or one for each slice of them.
@@ -177,24 +171,26 @@ impl Groups {
             all.extend(names.iter().copied());
             kernel.bind(gpu, &all)
         };
-        let scan = |uniform: &Buffer, counts: &Buffer| {
+        // The most counts that the scan may have say which way it takes.
+        let scan = |uniform: &Buffer, counts: &Buffer, most: usize| {
             let bind = |kernel| with(&[("scan", uniform), ("counts", counts)], kernel);
-            let many = [&kernels.scan_reduce, &kernels.scan_spread];
-            ScanGroups {
-                many: many.map(bind),
-                few: bind(&kernels.scan_few),
+            if most <= (SCAN_FEW * WORKGROUP * SCAN_CHUNK) as usize {
+                return ScanGroups::Few(bind(&kernels.scan_few));
             }
+            let many = [&kernels.scan_reduce, &kernels.scan_spread];
+            ScanGroups::Many(many.map(bind))
         };
-        let radix = |passes: &[Buffer], entries: [&Buffer; 2], uniform: &Buffer| {
+        let radix = |passes: &[Buffer], entries: [&Buffer; 2], uniform: &Buffer, most: usize| {
             let pass = |(i, pass): (usize, &Buffer)| {
                 let from_to = [
                     ("radix", pass),
                     ("entries_in", entries[i % 2]),
                     ("entries_out", entries[1 - i % 2]),
                 ];
+                let n_digits = kernels.rasterizer.radix().counts(most);
                 RadixGroups {
                     count: with(&from_to, &kernels.radix_count),
-                    scan: scan(uniform, space.buffer("digit_counts")),
+                    scan: scan(uniform, space.buffer("digit_counts"), n_digits),
                     shift: with(&from_to, &kernels.radix_move),
                 }
             };
@@ -212,6 +208,10 @@ impl Groups {
                     .collect(),
             )
         };
+        let by_degree = |kernels: &[Kernel; 4]| {
+            let used = &kernels[..=model.sh_degree as usize];
+            used.iter().map(|k| with(&[], k)).collect()
+        };
         let uniform = |name| space.of_slot(name, slot);
         let depths = [
             space.buffer("depth_order"),
@@ -219,30 +219,32 @@ impl Groups {
         ];
         let [count, emit] = [0, 1].map(|mode| space.of_slot("mode", mode));
         Groups {
-            project: kernels.project.each_ref().map(|k| with(&[], k)),
+            project: by_degree(&kernels.project),
             depth_passes: radix(
                 space.depth_passes(slot),
                 depths,
                 uniform("scan_splat_digits"),
+                model.n,
             ),
             pair_passes: radix(
                 space.all("pair_passes"),
                 space.pair_halves(),
                 uniform("scan_pair_digits"),
+                space.capacity.pairs,
             ),
             bin_count: with(&[("mode", count)], &kernels.bin),
             bin_emit: with(&[("mode", emit)], &kernels.bin),
-            scan_pairs: scan(uniform("scan_pairs"), space.buffer("splat_pairs")),
+            scan_pairs: scan(uniform("scan_pairs"), space.buffer("splat_pairs"), model.n),
             find_tile_ranges: with(&[], &kernels.find_tile_ranges),
             order_tiles: with(&[], &kernels.order_tiles),
             rasterize: raster(&kernels.rasterize),
             backward: space.trains.then(|| BackwardGroups {
-                ssim: [0, 1, 2, 3].map(|i| with(&[], &kernels.ssim[i])),
+                ssim: kernels.ssim.iter().map(|k| with(&[], k)).collect(),
                 loss_sum: [&kernels.loss_blocks, &kernels.loss_total].map(|k| with(&[], k)),
                 rasterize: raster(&kernels.rasterize_backward),
                 sum_pairs: kernels.sum_pairs.each_ref().map(|k| with(&[], k)),
                 sum_gaussians: with(&[], &kernels.sum_gaussians),
-                project: kernels.project_backward.each_ref().map(|k| with(&[], k)),
+                project: by_degree(&kernels.project_backward),
             }),
         }
     }

@@ -18,6 +18,7 @@ mod pass;
 mod pose;
 mod renderer;
 mod room;
+mod targets;
 mod uniforms;
 mod workspace;
 
@@ -30,6 +31,7 @@ pub use pass::{Pass, PassStep};
 pub use pose::{PoseGradient, PoseKernels};
 pub use renderer::{Rendered, Renderer, read_rendered};
 pub use room::{Totals, read_totals, until_it_fits};
+pub use targets::Targets;
 pub(crate) use uniforms::parts;
 pub use uniforms::{
     BinUniform, DropShare, LossUniform, RadixUniform, ScanUniform, SliceUniform, Splat, ViewUniform,

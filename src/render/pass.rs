@@ -1,16 +1,16 @@
 //! The dispatches of one view: forward, loss, backward.
 
-use super::buffers::{LAST_BLENDED, n_chunks, n_partials};
+use super::buffers::{LAST_BLENDED, n_depth_passes, n_partials};
 use super::kernels::{Bound, Groups, Kernels, RadixGroups, RasterGroups, ScanGroups};
 use super::model::Model;
 use super::pose::{PoseGradient, PoseKernels};
 use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use super::workspace::Workspace;
 use crate::gpu::constants::{
-    EMIT_CHUNK, PAIR_BLOCK, RADIX_BITS, RADIX_DIGITS, RANGE_CHUNK, SCAN_CHUNK, SCAN_FEW,
-    TOTAL_DIGITS, TOTAL_PAIRS, WORKGROUP,
+    EMIT_CHUNK, GROUP_TILE, PAIR_BLOCK, RANGE_CHUNK, SCAN_CHUNK, TOTAL_DIGITS, TOTAL_PAIRS,
+    WORKGROUP,
 };
-use crate::gpu::{Commands, Gpu, shader_count};
+use crate::gpu::{Commands, Gpu, Rasterizer, shader_count};
 
 /// One view being recorded: the kernels, buffers and bind groups that its stages need.
 pub struct Pass<'a> {
@@ -64,31 +64,30 @@ impl<'a> Pass<'a> {
         view.tiles = kernels.rasterizer.tiles(view.size);
         view.longest_list = shader_count(capacity.longest_list());
         view.blended_plane = if workspace.trains { LAST_BLENDED } else { 0 };
-        let uniform = |name| workspace.of_slot(name, slot);
-        uniform("view").write(gpu, &[view]);
+        let mut uniforms = workspace.view_block(slot);
+        uniforms.put("view", &[view]);
         let scan = |n, total, capacity| ScanUniform {
             n,
             total,
             capacity,
             step: number,
         };
-        uniform("scan_pairs").write(gpu, &[scan(n, TOTAL_PAIRS, pairs)]);
-        let n_digits = shader_count(n_chunks(model.n) * RADIX_DIGITS as usize);
+        uniforms.put("scan_pairs", &[scan(n, TOTAL_PAIRS, pairs)]);
+        let radix = kernels.rasterizer.radix();
+        let n_digits = shader_count(radix.counts(model.n));
         let digits = |n| scan(n, TOTAL_DIGITS, 0);
-        uniform("scan_splat_digits").write(gpu, &[digits(n_digits)]);
-        uniform("scan_pair_digits").write(gpu, &[digits(0)]);
-        for (i, pass) in workspace.depth_passes(slot).iter().enumerate() {
-            let shift = i as u32 * RADIX_BITS;
-            pass.write(
-                gpu,
-                &[RadixUniform {
-                    n,
-                    pairs: 0,
-                    shift,
-                    pad: 0,
-                }],
-            );
-        }
+        uniforms.put("scan_splat_digits", &[digits(n_digits)]);
+        uniforms.put("scan_pair_digits", &[digits(0)]);
+        let pass = |i: u32| RadixUniform {
+            n,
+            pairs: 0,
+            shift: i * radix.bits,
+            pad: 0,
+        };
+        let n_passes = n_depth_passes(&capacity) as u32;
+        let passes: Vec<RadixUniform> = (0..n_passes).map(pass).collect();
+        uniforms.put("depth_passes", &passes);
+        uniforms.write(gpu);
         Pass {
             gpu,
             kernels,
@@ -191,23 +190,25 @@ impl<'a> Pass<'a> {
 
     /// Sorts at most `n` entries by radix.
     fn sort(&self, commands: &mut Commands<'_>, passes: &[RadixGroups], n: u64) {
-        let n_chunks = n_chunks(n as usize) as u64;
+        let radix = self.kernels.rasterizer.radix();
+        let threads = radix.chunks(n as usize) as u64 * u64::from(radix.threads);
         for groups in passes {
-            commands.dispatch(&self.kernels.radix_count, &groups.count, n_chunks);
-            self.scan(commands, &groups.scan, n_chunks * u64::from(RADIX_DIGITS));
-            commands.dispatch(&self.kernels.radix_move, &groups.shift, n_chunks);
+            commands.dispatch(&self.kernels.radix_count, &groups.count, threads);
+            self.scan(commands, &groups.scan, radix.counts(n as usize) as u64);
+            commands.dispatch(&self.kernels.radix_move, &groups.shift, threads);
         }
     }
 
     /// Turns at most `n` counts into their exclusive prefix sums.
     fn scan(&self, commands: &mut Commands<'_>, groups: &ScanGroups, n: u64) {
-        if n <= u64::from(SCAN_FEW * WORKGROUP * SCAN_CHUNK) {
-            commands.dispatch(&self.kernels.scan_few, &groups.few, 1);
-            return;
+        match groups {
+            ScanGroups::Few(group) => commands.dispatch(&self.kernels.scan_few, group, 1),
+            ScanGroups::Many([reduce, spread]) => {
+                let threads = n.div_ceil(u64::from(SCAN_CHUNK));
+                commands.dispatch(&self.kernels.scan_reduce, reduce, threads);
+                commands.dispatch(&self.kernels.scan_spread, spread, threads);
+            }
         }
-        let threads = n.div_ceil(u64::from(SCAN_CHUNK));
-        commands.dispatch(&self.kernels.scan_reduce, &groups.many[0], threads);
-        commands.dispatch(&self.kernels.scan_spread, &groups.many[1], threads);
     }
 
     /// Compares the buffer `rendered` with the target image of the slot: writes its mean L1 and
@@ -218,22 +219,34 @@ impl<'a> Pass<'a> {
             return;
         };
         let kernels = self.kernels;
-        let (width_4, _) = self.view.padded_size();
-        let rows = u64::from(self.view.size[1]) * (width_4 as u64).div_ceil(4);
-        let strips = n_partials(self.view.plane_len());
-        loss.n_partials = shader_count(strips);
+        let (threads, n_partials) = self.loss_threads();
+        loss.n_partials = shader_count(n_partials);
         loss.slot = self.slot as u32;
         let uniform = self.workspace.of_slot("loss", self.slot);
         uniform.write(self.gpu, &[loss]);
-        for (i, n) in [rows, strips as u64, rows, strips as u64]
-            .into_iter()
-            .enumerate()
-        {
-            commands.dispatch(&kernels.ssim[i], &groups.ssim[i], n);
+        for ((kernel, group), threads) in kernels.ssim.iter().zip(&groups.ssim).zip(threads) {
+            commands.dispatch(kernel, group, threads);
         }
-        let threads = (strips as u64).div_ceil(u64::from(SCAN_CHUNK));
+        let threads = (n_partials as u64).div_ceil(u64::from(SCAN_CHUNK));
         commands.dispatch(&kernels.loss_blocks, &groups.loss_sum[0], threads);
         commands.dispatch(&kernels.loss_total, &groups.loss_sum[1], 1);
+    }
+
+    /// Returns the threads of each kernel of the loss, and the partial sums that they leave.
+    fn loss_threads(&self) -> (Vec<u64>, usize) {
+        let (width_4, rows) = self.view.padded_size();
+        match self.kernels.rasterizer {
+            Rasterizer::Thread => {
+                let across = u64::from(self.view.size[1]) * (width_4 as u64).div_ceil(4);
+                let strips = n_partials(self.view.plane_len());
+                (vec![across, strips as u64, across, strips as u64], strips)
+            }
+            Rasterizer::Workgroup => {
+                let side = GROUP_TILE as usize;
+                let tiles = 3 * (4 * width_4).div_ceil(side) * rows.div_ceil(side);
+                (vec![u64::from(WORKGROUP) * tiles as u64; 2], tiles)
+            }
+        }
     }
 
     /// Carries `d_rendered` back to `d_geometry` and `d_color`.

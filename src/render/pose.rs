@@ -26,20 +26,19 @@ pub struct PoseKernels {
     total: Kernel,
 }
 
-impl PoseKernels {
-    /// Compiles the program's own shaders.
-    pub fn new(gpu: &Gpu) -> PoseKernels {
-        Self::from_sources(gpu, &shader::compose)
+impl Default for PoseKernels {
+    /// Takes the program's own shaders.
+    fn default() -> PoseKernels {
+        Self::from_sources(&shader::compose)
     }
+}
 
-    /// Compiles other sources than the program's.
-    ///
-    /// # Panics
-    /// If a shader does not validate or lacks an entry point: a fault in the sources.
-    pub fn from_sources(gpu: &Gpu, sources: Sources<'_>) -> PoseKernels {
+impl PoseKernels {
+    /// Takes other sources than the program's.
+    pub fn from_sources(sources: Sources<'_>) -> PoseKernels {
         let kernel = |entry: &'static str, degree: u32| {
             let stage = "pose_backward";
-            Kernel::from_source(gpu, stage, entry, sources(stage, degree))
+            Kernel::from_source(stage, entry, sources(stage, degree))
         };
         PoseKernels {
             backward: by_degree(|degree| kernel("pose_backward", degree)),
@@ -58,7 +57,8 @@ const D_POSE: BufferKind = BufferKind::storage::<Motion>("d_pose");
 pub struct PoseGradient {
     sums: Buffer,
     d_pose: Buffer,
-    backward: [wgpu::BindGroup; 4],
+    /// By active SH degree, up to the model's.
+    backward: Vec<wgpu::BindGroup>,
     total: wgpu::BindGroup,
 }
 
@@ -77,7 +77,8 @@ impl PoseGradient {
         let d_pose = D_POSE.allocate(gpu, 1)?;
         let mut names = workspace.names(model, 0);
         names.extend([(SUMS.name(), &sums), (D_POSE.name(), &d_pose)]);
-        let backward = kernels.backward.each_ref().map(|k| k.bind(gpu, &names));
+        let used = &kernels.backward[..=model.sh_degree as usize];
+        let backward = used.iter().map(|k| k.bind(gpu, &names)).collect();
         let total = kernels.total.bind(gpu, &names);
         Ok(PoseGradient {
             sums,

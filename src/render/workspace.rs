@@ -1,12 +1,15 @@
 //! The buffers of one view in flight.
 
-use super::buffers::{BUFFERS, N_DEPTH_PASSES};
+use bytemuck::Pod;
+
+use super::buffers::{BUFFERS, N_SLOTS, Places, n_depth_passes};
 use super::capacity::{Capacity, check_loops};
 use super::model::Model;
+use super::targets::padded;
 use super::uniforms::{BinUniform, RadixUniform, SliceUniform, ViewUniform};
 use crate::error::Result;
-use crate::gpu::constants::{LIST_SLICE, RADIX_BITS};
-use crate::gpu::{Buffer, Gpu, shader_count};
+use crate::gpu::constants::LIST_SLICE;
+use crate::gpu::{Buffer, Commands, Gpu, shader_count};
 
 /// The buffers of one view in flight, shared by a step's views, one after the other.
 pub struct Workspace {
@@ -14,8 +17,42 @@ pub struct Workspace {
     pub capacity: Capacity,
     /// Whether the buffers of the backward are there.
     pub(super) trains: bool,
-    /// The copies of each of [`BUFFERS`], in its order.
+    /// The copies of each of [`BUFFERS`], in its order; uniforms are parts of `uniforms`.
     buffers: Vec<Vec<Buffer>>,
+    uniforms: Buffer,
+    /// Bytes of `uniforms` that one view of a step has for its own.
+    bytes_a_view: u64,
+}
+
+/// The uniforms of one view of a step, put together on the host and written at once.
+pub(super) struct ViewBlock<'a> {
+    space: &'a Workspace,
+    slot: usize,
+    bytes: Vec<u8>,
+}
+
+impl ViewBlock<'_> {
+    /// Puts the uniforms of this name that the view has.
+    pub(super) fn put<T: Pod>(&mut self, name: &str, values: &[T]) {
+        let all = self.space.all(name);
+        let own = &all[self.slot * (all.len() / N_SLOTS)..];
+        for (place, value) in own.iter().zip(values) {
+            let first = (place.first() - self.first()) as usize;
+            self.bytes[first..][..size_of::<T>()].copy_from_slice(bytemuck::bytes_of(value));
+        }
+    }
+
+    /// Queues the write.
+    pub(super) fn write(self, gpu: &Gpu) {
+        let bytes = self.bytes.len() as u64;
+        let place = self.space.uniforms.part(self.first(), bytes);
+        place.write(gpu, &self.bytes);
+    }
+
+    /// First byte of the view's own.
+    fn first(&self) -> u64 {
+        self.slot as u64 * self.space.bytes_a_view
+    }
 }
 
 impl Workspace {
@@ -25,16 +62,23 @@ impl Workspace {
     /// A buffer that the adapter cannot bind, or an image too large for the kernels' loops.
     pub fn new(gpu: &Gpu, capacity: Capacity, training: bool) -> Result<Workspace> {
         check_loops(&capacity)?;
+        let places = Places::of(&capacity);
+        let uniforms = Buffer::uniforms(gpu, places.total);
         let mut buffers = Vec::with_capacity(BUFFERS.len());
-        for described in BUFFERS {
+        for (described, firsts) in BUFFERS.iter().zip(&places.firsts) {
             let (len, copies) = described.size(&capacity, training);
-            let copies = (0..copies).map(|_| described.kind.allocate(gpu, len));
+            let copies = (0..copies).map(|copy| match firsts.get(copy) {
+                Some(first) => Ok(uniforms.part(*first, described.kind.bytes(len))),
+                None => described.kind.allocate(gpu, len),
+            });
             buffers.push(copies.collect::<Result<Vec<Buffer>>>()?);
         }
         let workspace = Workspace {
             capacity,
             trains: training,
             buffers,
+            uniforms,
+            bytes_a_view: places.of_view,
         };
         workspace.write_constants(gpu);
         Ok(workspace)
@@ -76,7 +120,7 @@ impl Workspace {
             let pass = RadixUniform {
                 n: shader_count(self.capacity.pairs),
                 pairs: 1,
-                shift: i * RADIX_BITS,
+                shift: i * self.capacity.rasterizer.radix().bits,
                 pad: 0,
             };
             buffer.write(gpu, &[pass]);
@@ -108,8 +152,17 @@ impl Workspace {
 
     /// Returns the `Radix` uniforms of the passes of a slot's depth sort.
     pub(super) fn depth_passes(&self, slot: usize) -> &[Buffer] {
-        let n = N_DEPTH_PASSES as usize;
+        let n = n_depth_passes(&self.capacity);
         &self.all("depth_passes")[slot * n..][..n]
+    }
+
+    /// Begins the uniforms of a view of a step.
+    pub(super) fn view_block(&self, slot: usize) -> ViewBlock<'_> {
+        ViewBlock {
+            space: self,
+            slot,
+            bytes: vec![0; self.bytes_a_view as usize],
+        }
     }
 
     /// Sets the target image of a slot's render of `view`: RGBA8, `[height][width]`. Nothing is
@@ -118,21 +171,14 @@ impl Workspace {
         if !self.trains {
             return;
         }
-        let own = self.of_slot("goal", slot);
-        let width = view.size[0] as usize;
-        let padded_width = 4 * view.padded_size().0;
-        if width == padded_width {
-            own.write(gpu, goal);
-            return;
+        self.of_slot("goal", slot).write(gpu, &padded(view, goal));
+    }
+
+    /// Records that a slot's target image is one that is on the GPU already.
+    pub fn copy_goal(&self, commands: &mut Commands<'_>, slot: usize, target: &Buffer) {
+        if self.trains {
+            commands.copy(target, self.of_slot("goal", slot));
         }
-        let mut padded = vec![0; goal.len() / width * padded_width];
-        for (to, from) in padded
-            .chunks_exact_mut(padded_width)
-            .zip(goal.chunks_exact(width))
-        {
-            to[..width].copy_from_slice(from);
-        }
-        own.write(gpu, &padded);
     }
 
     /// Waits for the GPU and returns mean L1 and mean SSIM of each of two slots; nothing in a

@@ -162,7 +162,7 @@ pub struct Seconds {
     pub gaussians: Option<f64>,
     /// Writing files before training, and taking checksums of what is learnt from.
     pub files: Option<f64>,
-    /// Compiling all compute pipelines.
+    /// Compiling the compute pipelines of the first iteration.
     pub compile: Option<f64>,
     /// Buffers allocated and filled, and a checkpoint read where the run is resumed.
     pub upload: Option<f64>,

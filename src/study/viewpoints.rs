@@ -170,7 +170,7 @@ pub(crate) fn measure(
     views: &[View],
     options: &EvalOptions,
 ) -> Result<Evaluation> {
-    let kernels = Kernels::with(gpu, Rasterizer::of(run.job.config.render.rasterizer, gpu));
+    let kernels = Kernels::with(Rasterizer::of(run.job.config.render.rasterizer, gpu));
     let device = Device {
         gpu,
         kernels: &kernels,

@@ -6,8 +6,8 @@ use crate::camera::Camera;
 use crate::config::Config;
 use crate::gpu::{Buffer, Gpu, Rasterizer};
 use crate::render::{
-    Capacity, PoseGradient, ViewUniform, WorkspaceBytes, block_bytes, first_pairs, model_bytes,
-    most_gaussians,
+    Capacity, PoseGradient, Targets, ViewUniform, WorkspaceBytes, block_bytes, first_pairs,
+    model_bytes, most_gaussians,
 };
 
 /// Bytes of GPU buffers that training holds at one time, to the byte.
@@ -25,6 +25,8 @@ pub struct TrainingBytes {
     pub statistics: u64,
     /// The buffers of forward and backward pass, by kind.
     pub workspace: WorkspaceBytes,
+    /// Target images that stay on the GPU.
+    pub targets: u64,
     /// Gradients of poses, where they are refined.
     pub poses: u64,
     /// Staging buffer of the largest block that the host reads at once.
@@ -44,7 +46,7 @@ impl TrainingBytes {
     ) -> TrainingBytes {
         let rasterizer = Rasterizer::of(config.render.rasterizer, gpu);
         let capacity = start_capacity(gpu, rasterizer, n, supervision, config);
-        Self::with(capacity, n, config)
+        Self::with(capacity, n, target_bytes(gpu, supervision, config), config)
     }
 
     /// Returns the same while it densifies to `config.densify.max_gaussians`; `None` where nothing
@@ -69,11 +71,21 @@ impl TrainingBytes {
         Some(TrainingBytes {
             n_gaussians: most,
             densifying: model_bytes(stride, degree) + plan_bytes(most),
-            ..Self::with(capacity, most, config)
+            ..Self::with(
+                capacity,
+                most,
+                target_bytes(gpu, supervision, config),
+                config,
+            )
         })
     }
 
-    fn with(capacity: Capacity, n_gaussians: usize, config: &Config) -> TrainingBytes {
+    fn with(
+        capacity: Capacity,
+        n_gaussians: usize,
+        targets: u64,
+        config: &Config,
+    ) -> TrainingBytes {
         let sh_degree = config.model.sh_degree;
         let model = model_bytes(capacity.stride, sh_degree);
         TrainingBytes {
@@ -83,6 +95,7 @@ impl TrainingBytes {
             moments: 2 * model,
             statistics: statistics_bytes(capacity.stride),
             workspace: WorkspaceBytes::of(capacity),
+            targets,
             poses: match config.poses.refine {
                 true => PoseGradient::bytes(capacity.stride),
                 false => 0,
@@ -113,7 +126,8 @@ impl TrainingBytes {
 
     /// Returns the bytes that are held between two iterations.
     pub fn held(&self) -> u64 {
-        self.model + self.moments + self.statistics + self.workspace.total() + self.poses
+        let of_gaussians = self.model + self.moments + self.statistics;
+        of_gaussians + self.workspace.total() + self.targets + self.poses
     }
 
     /// Returns the bytes that are held at the worst moment.
@@ -125,6 +139,13 @@ impl TrainingBytes {
 /// Bytes of a render, four planes of `plane` vectors.
 fn rendered_bytes(plane: usize) -> u64 {
     4 * 16 * plane as u64
+}
+
+/// Bytes of the target images that stay on the GPU.
+fn target_bytes(gpu: &Gpu, supervision: &Supervision, config: &Config) -> u64 {
+    let uniform = |view: &TrainingView| uniform(&view.camera, supervision, config);
+    let views: Vec<ViewUniform> = supervision.trained().map(uniform).collect();
+    Targets::bytes(&views, Targets::budget(config.render.targets_mib, gpu))
 }
 
 /// Returns the room that training starts with.

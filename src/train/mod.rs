@@ -30,6 +30,7 @@ pub mod shell;
 mod signal;
 mod state;
 pub mod supervision;
+mod targets;
 pub mod trainer;
 pub mod trim;
 

@@ -18,21 +18,23 @@ pub struct OptimizerKernels {
     reset_opacity: Kernel,
 }
 
-impl OptimizerKernels {
-    /// Compiles the kernels for every SH degree.
-    pub fn new(gpu: &Gpu) -> OptimizerKernels {
-        Self::from_sources(gpu, &shader::compose)
+impl Default for OptimizerKernels {
+    /// Takes the program's own shaders.
+    fn default() -> OptimizerKernels {
+        Self::from_sources(&shader::compose)
     }
+}
 
-    /// Compiles kernels of other sources than the program's.
-    pub fn from_sources(gpu: &Gpu, sources: Sources<'_>) -> OptimizerKernels {
-        let stage = |name: &str, degree: u32| Stage::new(gpu, name, sources(name, degree));
-        let kernel = |name: &str, entry| stage(name, 0).kernel(gpu, entry);
+impl OptimizerKernels {
+    /// Takes other sources than the program's.
+    pub fn from_sources(sources: Sources<'_>) -> OptimizerKernels {
+        let stage = |name: &str, degree: u32| Stage::new(name, sources(name, degree));
+        let kernel = |name: &str, entry| stage(name, 0).kernel(entry);
         let adam = |degree: u32| {
             let stage = stage("adam", degree);
             let entries = ["adam_geometry", "adam_sh_0", "adam_sh_2", "adam_sh_3"];
             let entries = entries.into_iter().take(n_blocks(degree));
-            entries.map(|entry| stage.kernel(gpu, entry)).collect()
+            entries.map(|entry| stage.kernel(entry)).collect()
         };
         OptimizerKernels {
             adam: by_degree(adam),

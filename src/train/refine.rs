@@ -45,7 +45,7 @@ impl Refinement {
         model: &Model,
         views: &[TrainingView],
     ) -> Result<Refinement> {
-        let kernels = PoseKernels::new(gpu);
+        let kernels = PoseKernels::default();
         Ok(Refinement {
             gradient: Some(PoseGradient::new(gpu, &kernels, workspace, model)?),
             kernels,

@@ -79,10 +79,14 @@ pub struct Supervision {
 }
 
 impl Supervision {
-    /// Iterates over every view: the real ones, the virtual ones, those held out.
+    /// Iterates over the views that are trained on: the real ones, then the virtual ones.
+    pub fn trained(&self) -> impl Iterator<Item = &TrainingView> {
+        self.real.iter().chain(&self.virtual_views)
+    }
+
+    /// Iterates over every view: those that are trained on, then those held out.
     pub fn views(&self) -> impl Iterator<Item = &TrainingView> {
-        let trained = self.real.iter().chain(&self.virtual_views);
-        trained.chain(&self.held_out)
+        self.trained().chain(&self.held_out)
     }
 
     /// Returns the distance from the focus beyond which Gaussians learn colour alone and neither

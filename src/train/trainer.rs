@@ -12,12 +12,14 @@ use super::record::{ImageLoss, LossSample, PlanRecord, SignalPoint, Trained, Tri
 use super::refine::Refinement;
 use super::schedule::{self, ViewOrder};
 use super::supervision::{Supervision, TrainingView};
+use super::targets;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
 use crate::gpu::{Commands, Gpu, Profile};
 use crate::render::{
-    Bound, Kernels, LossUniform, Model, Pass, PassStep, ViewUniform, Workspace, read_totals,
+    Bound, Kernels, LossUniform, Model, Pass, PassStep, Targets, ViewUniform, Workspace,
+    read_totals,
 };
 
 /// Iterations between two looks at the GPU: a loss sample, the overflow flag, the progress.
@@ -44,7 +46,7 @@ pub fn train(
 /// Wall-clock seconds of parts of a training run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TrainerSeconds {
-    /// The optimizer's pipelines.
+    /// The pipelines of the first iteration.
     pub compile: f64,
     /// Densification, pruning and opacity resets.
     pub densify: f64,
@@ -82,6 +84,8 @@ pub struct Trainer<'a> {
     pub(super) guides: Vec<Guide>,
     /// A view's, unpacked.
     pub(super) goal: Vec<u32>,
+    /// The target images that stay on the GPU, the real views' first.
+    pub(super) targets: Targets,
     /// Number of finished iterations, where the run starts or has last been kept.
     pub(super) done: u32,
     pub(super) samples: Vec<LossSample>,
@@ -119,15 +123,15 @@ impl<'a> Trainer<'a> {
         let held_out = uniforms(&supervision.held_out);
         let model = Model::upload(gpu, start, start.len())?;
         let capacity = start_capacity(gpu, kernels.rasterizer, model.n, supervision, config);
-        let clock = Instant::now();
-        let optimizer_kernels = OptimizerKernels::new(gpu);
-        let compile = clock.elapsed().as_secs_f64();
+        let optimizer_kernels = OptimizerKernels::default();
         let optimizer = Optimizer::new(gpu, model)?;
         let workspace = Workspace::new(gpu, capacity, true)?;
         let bound = Bound::new(gpu, kernels, &workspace, &optimizer.model);
         let adam = optimizer.bind(gpu, &optimizer_kernels, &workspace);
         let refine = || Refinement::new(gpu, &workspace, &optimizer.model, &supervision.real);
         let refinement = config.poses.refine.then(refine).transpose()?;
+        let trained = [real.as_slice(), &virtual_views].concat();
+        let targets = targets::upload(gpu, &trained, supervision, config)?;
         Ok(Trainer {
             gpu,
             kernels,
@@ -146,16 +150,14 @@ impl<'a> Trainer<'a> {
             refinement,
             guides: Vec::new(),
             goal: Vec::new(),
+            targets,
             done: 0,
             samples: Vec::new(),
             plans: Vec::new(),
             signal: Vec::new(),
             trims: Vec::new(),
             settling: Settling::of(config, &[]),
-            seconds: TrainerSeconds {
-                compile,
-                ..TrainerSeconds::default()
-            },
+            seconds: TrainerSeconds::default(),
         })
     }
 
@@ -239,16 +241,32 @@ impl<'a> Trainer<'a> {
         })
     }
 
+    /// Compiles the pipelines of the iteration that comes next. Those that only a later one needs are
+    /// compiled then.
+    pub fn compile(&mut self) {
+        let clock = Instant::now();
+        let mut commands = Commands::new(self.gpu);
+        self.record(self.done, &mut commands);
+        commands.compile();
+        self.seconds.compile = clock.elapsed().as_secs_f64();
+    }
+
     /// Records and submits iteration `iteration` (from 0), timed where there is a profile;
     /// returns its views.
     pub fn step(&mut self, iteration: u32, profile: Option<&mut Profile>) -> StepViews {
+        let mut commands = Commands::profiled(self.gpu, profile);
+        let views = self.record(iteration, &mut commands);
+        commands.submit();
+        views
+    }
+
+    fn record(&mut self, iteration: u32, commands: &mut Commands<'_>) -> StepViews {
         let config = self.config;
         let degree = self.sh_degree(iteration);
         // There is at least one real view.
         let real = self.real_order.view(iteration).unwrap_or(0);
         let virtual_view = self.virtual_order.view(iteration);
         let dropout = schedule::dropout(config, iteration);
-        let mut commands = Commands::profiled(self.gpu, profile);
         let mut centers = Vec::with_capacity(2);
         let chosen = [
             Some((&self.supervision.real[real], self.real[real], real)),
@@ -257,13 +275,14 @@ impl<'a> Trainer<'a> {
                 (view, self.virtual_views[k], self.real.len() + k)
             }),
         ];
+        // Copies of both first, so that the dispatches lie in a row.
+        for (slot, (view, uniform, k)) in chosen.into_iter().flatten().enumerate() {
+            self.set_goal(commands, slot, view, &uniform, k);
+        }
         for (slot, (view, uniform, k)) in chosen.into_iter().flatten().enumerate() {
             let scale = [1.0, config.loss.virtual_weight][slot];
             let w = config.loss.ssim_weight;
             let loss = LossUniform::new(view.weight * scale, w, view.total_weight, view.masked);
-            view.goal.unpack(&mut self.goal);
-            self.workspace
-                .set_goal(self.gpu, slot, &uniform, &self.goal);
             let pass = Pass::new(
                 self.gpu,
                 self.kernels,
@@ -277,13 +296,13 @@ impl<'a> Trainer<'a> {
                     number: iteration + 1,
                 },
             );
-            pass.forward(&mut commands);
-            pass.loss(&mut commands, loss);
-            pass.backward(&mut commands);
+            pass.forward(commands);
+            pass.loss(commands, loss);
+            pass.backward(commands);
             if let (0, Some(refinement)) = (slot, &self.refinement)
                 && let Some(gradient) = &refinement.gradient
             {
-                pass.pose_backward(&mut commands, &refinement.kernels, gradient);
+                pass.pose_backward(commands, &refinement.kernels, gradient);
             }
             centers.push(uniform.center());
         }
@@ -292,8 +311,7 @@ impl<'a> Trainer<'a> {
             .slowed(self.settling.rate(iteration));
         let kernels = &self.optimizer_kernels;
         self.optimizer
-            .step(self.gpu, kernels, &self.adam, &mut commands, step, degree);
-        commands.submit();
+            .step(self.gpu, kernels, &self.adam, commands, step, degree);
         StepViews { real, virtual_view }
     }
 

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 use gspotential::camera::Camera;
-use gspotential::gpu::{Buffer, binding_limit, kernel::fold, shader_count};
+use gspotential::gpu::{Buffer, binding_limit, commands::fold, shader_count};
 use gspotential::render::{Capacity, ViewUniform, Workspace};
 
 use crate::gpu::rig::context;

@@ -2,7 +2,7 @@
 
 use gspotential::doctor::twin::cases::{cameras, random_scene};
 use gspotential::doctor::{Context, gaussians_of, view_of};
-use gspotential::gpu::kernel::fold;
+use gspotential::gpu::commands::fold;
 use gspotential::gpu::shader::compose;
 use gspotential::gpu::{Buffer, Commands, Gpu, Kernel, Rasterizer};
 use gspotential::render::{Capacity, Model, Workspace};
@@ -34,7 +34,7 @@ fn a_dispatch_beyond_65535_workgroups_reaches_every_element() {
     let gpu = &ctx.gpu;
     let n = 65_535 * 64 + 1234_usize;
     let source = compose("reset_opacity", 0);
-    let kernel = Kernel::from_source(gpu, "reset_opacity", "reset_opacity", source);
+    let kernel = Kernel::from_source("reset_opacity", "reset_opacity", source);
     let reset = ResetUniform {
         ceiling: -3.0,
         frozen_beyond: f32::INFINITY,
@@ -80,7 +80,7 @@ fn training_with_folded_grids_is_equal_to_the_bit() {
         let mut gpu = Gpu::open().expect("an adapter");
         // A grid has a hundred workgroups and more: they take many rows, the last one half idle.
         gpu.limits.max_compute_workgroups_per_dimension = 7;
-        let narrow = Context::from_sources(gpu, rasterizer, &compose).expect("compiles");
+        let narrow = Context::from_sources(gpu, rasterizer, &compose);
         let folded = survive(&narrow, "folded", &start, &supervision, &config).expect("trains");
         assert!(!whole.plans.is_empty(), "no plan was carried out");
         assert_eq!(folded.samples, whole.samples);

@@ -3,17 +3,25 @@
 use gspotential::doctor::loss::{Kind, LossCase, MaskKind, examine};
 use gspotential::doctor::{Finding, stage};
 
-use super::rig::{assert_findings, context};
+use gspotential::gpu::Rasterizer;
+
+use super::rig::{assert_findings, context_of};
 use super::views::print;
 
 const SIZES: [(usize, usize); 6] = [(1, 1), (7, 5), (33, 17), (64, 48), (5, 70), (131, 2)];
 
-/// Holds `kind` at every size; prints the largest error of each quantity.
+/// Holds `kind` at every size with every rasterizer; prints the largest error of each quantity.
 fn hold(kind: Kind, masks: &[Option<MaskKind>]) {
+    Rasterizer::ALL.map(|rasterizer| hold_one(rasterizer, kind, masks));
+}
+
+fn hold_one(rasterizer: Rasterizer, kind: Kind, masks: &[Option<MaskKind>]) {
+    let own = stage::own(rasterizer);
     let mut all: Vec<Finding> = Vec::new();
     for size in SIZES {
         for &mask in masks {
-            let found = examine(&context(), &LossCase { size, kind, mask }).expect("computes");
+            let found =
+                examine(&context_of(rasterizer), &LossCase { size, kind, mask }).expect("computes");
             assert_findings(&found);
             all.extend(found.list);
         }
@@ -21,12 +29,14 @@ fn hold(kind: Kind, masks: &[Option<MaskKind>]) {
     for what in ["L1", "SSIM", "gradient"] {
         let errors = all.iter().filter(|f| f.what == what).map(|f| f.error);
         if let Some(largest) = errors.max_by(f64::total_cmp) {
-            print(&format!("{kind:?}: {what} off by {largest:.1e}\n"));
+            print(&format!(
+                "{rasterizer}, {kind:?}: {what} off by {largest:.1e}\n"
+            ));
         }
     }
     let named = match masks {
-        [None] => stage::LOSS,
-        _ => stage::MASKED_LOSS,
+        [None] => own.loss,
+        _ => own.masked_loss,
     };
     assert!(all.iter().all(|finding| finding.stage == named));
 }

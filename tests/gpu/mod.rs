@@ -15,6 +15,7 @@ mod plants;
 mod rasterizers;
 mod rearrange;
 mod reflection;
+mod requests;
 pub(crate) mod rig;
 mod sorts;
 pub(crate) mod views;

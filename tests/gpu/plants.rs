@@ -26,9 +26,7 @@ impl Plant {
         let others = Rasterizer::ALL
             .into_iter()
             .filter(|r| *r != self.rasterizer());
-        others
-            .map(stage::own)
-            .any(|own| [own.bin, own.rasterize, own.rasterize_backward].contains(&stage))
+        others.map(stage::own).any(|own| own.all().contains(&stage))
     }
 }
 
@@ -47,7 +45,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-pub(crate) const PLANTS: [Plant; 45] = [
+pub(crate) const PLANTS: [Plant; 53] = [
     plant(
         "project",
         "+ DILATION;",
@@ -180,6 +178,54 @@ pub(crate) const PLANTS: [Plant; 45] = [
         "staged_pairs[j + tree]",
         "staged_pairs[j]",
         stage::RASTERIZE_BACKWARD_WORKGROUP,
+    ),
+    plant(
+        "radix_workgroup",
+        "block[padded(to_15)] = e_15;",
+        "block[padded(to_15)] = e_14;",
+        stage::RADIX_SORT_WORKGROUP,
+    ),
+    plant(
+        "radix_workgroup",
+        "sort_half(thread.local, 20u);",
+        "",
+        stage::RADIX_SORT_WORKGROUP,
+    ),
+    plant(
+        "scan_workgroup",
+        "- step], local >= step);",
+        "- step], local > step);",
+        stage::SCAN_WORKGROUP,
+    ),
+    plant(
+        "ssim_workgroup",
+        "(var_both + SSIM_C2)",
+        "(var_both + 1.01 * SSIM_C2)",
+        stage::LOSS_WORKGROUP,
+    ),
+    plant(
+        "ssim_workgroup",
+        "row_d_e[stretch] * off);",
+        "0.0);",
+        stage::LOSS_WORKGROUP,
+    ),
+    plant(
+        "ssim_workgroup",
+        "plane_index(view, 3u, x4, y)",
+        "plane_index(view, 2u, x4, y)",
+        stage::LOSS_WORKGROUP,
+    ),
+    plant(
+        "ssim_workgroup",
+        "let other = sums[min(local + half",
+        "let other = sums[min(local + half - 1u",
+        stage::LOSS_WORKGROUP,
+    ),
+    plant(
+        "ssim_workgroup",
+        "norm = select(norm, vec4f(1.0)",
+        "norm = select(vec4f(1.0), vec4f(1.0)",
+        stage::MASKED_LOSS_WORKGROUP,
     ),
     plant(
         "ssim",

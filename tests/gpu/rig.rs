@@ -24,10 +24,7 @@ pub(crate) fn context_of(rasterizer: Rasterizer) -> MutexGuard<'static, Context>
     static CONTEXTS: [OnceLock<Mutex<Context>>; 2] = [const { OnceLock::new() }; 2];
     let place = Rasterizer::ALL.iter().position(|r| *r == rasterizer);
     CONTEXTS[place.expect("is one of all")]
-        .get_or_init(|| {
-            let made = Context::from_sources(open(), rasterizer, &compose);
-            Mutex::new(made.unwrap_or_else(|e| panic!("{e}")))
-        })
+        .get_or_init(|| Mutex::new(Context::from_sources(open(), rasterizer, &compose)))
         .lock()
         // What another test has failed with is its own.
         .unwrap_or_else(PoisonError::into_inner)

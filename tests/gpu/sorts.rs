@@ -3,21 +3,26 @@
 use gspotential::doctor::twin::cases::{cameras, random_scene};
 use gspotential::doctor::twin::random::Random;
 use gspotential::doctor::{Context, Rig, gaussians_of, view_of};
-use gspotential::gpu::Commands;
-use gspotential::gpu::constants::{RADIX_CHUNK, SCAN_CHUNK, SCAN_FEW, WORKGROUP};
+use gspotential::gpu::constants::{
+    GROUP_RADIX_CHUNK, RADIX_CHUNK, SCAN_CHUNK, SCAN_FEW, WORKGROUP,
+};
+use gspotential::gpu::{Commands, Rasterizer};
 use gspotential::render::Pass;
 
-use super::rig::context;
+use super::rig::context_of;
 
 /// Counts that one workgroup scans alone.
 const FEW: usize = (SCAN_FEW * SCAN_CHUNK * WORKGROUP) as usize;
 
 /// Around a vector of counts, a chunk, a block, and the most that are scanned in one dispatch.
-const SIZES: [usize; 10] = [
+const SIZES: [usize; 13] = [
     1,
     3,
     SCAN_CHUNK as usize + 1,
     RADIX_CHUNK as usize - 1,
+    GROUP_RADIX_CHUNK as usize - 1,
+    GROUP_RADIX_CHUNK as usize,
+    GROUP_RADIX_CHUNK as usize + 1,
     (SCAN_CHUNK * WORKGROUP) as usize,
     (SCAN_CHUNK * WORKGROUP) as usize + 1,
     FEW - 1,
@@ -25,6 +30,12 @@ const SIZES: [usize; 10] = [
     FEW + 1,
     70_001,
 ];
+
+/// Every size with every rasterizer.
+fn every_size() -> impl Iterator<Item = (Rasterizer, usize)> {
+    let all = Rasterizer::ALL.into_iter();
+    all.flat_map(|rasterizer| SIZES.map(|n| (rasterizer, n)))
+}
 
 /// A rig with room for `n` Gaussians, whatever they are.
 fn rig(ctx: &Context, n: usize) -> Rig {
@@ -40,8 +51,8 @@ fn run(ctx: &Context, rig: &Rig, record: fn(&Pass<'_>, &mut Commands<'_>)) {
 
 #[test]
 fn scans_of_all_sizes_are_the_sums_before() {
-    let ctx = context();
-    for n in SIZES {
+    for (rasterizer, n) in every_size() {
+        let ctx = context_of(rasterizer);
         let rig = rig(&ctx, n);
         let mut random = Random::new(n as u64);
         let counts: Vec<u32> = (0..n).map(|_| random.uniform(0.0, 9.0) as u32).collect();
@@ -61,8 +72,9 @@ fn scans_of_all_sizes_are_the_sums_before() {
 
 #[test]
 fn a_total_beyond_32_bits_is_the_largest_number_and_too_many() {
-    let ctx = context();
-    for n in [FEW, FEW + 1] {
+    let sizes = [FEW, FEW + 1].map(|n| Rasterizer::ALL.map(|rasterizer| (rasterizer, n)));
+    for (rasterizer, n) in sizes.into_iter().flatten() {
+        let ctx = context_of(rasterizer);
         let rig = rig(&ctx, n);
         rig.start(&ctx);
         let counts = vec![u32::MAX / (n as u32 - 1); n];
@@ -75,8 +87,8 @@ fn a_total_beyond_32_bits_is_the_largest_number_and_too_many() {
 
 #[test]
 fn sorts_of_all_sizes_are_stable() {
-    let ctx = context();
-    for n in SIZES {
+    for (rasterizer, n) in every_size() {
+        let ctx = context_of(rasterizer);
         let rig = rig(&ctx, n);
         let mut random = Random::new(n as u64);
         // Few keys, so that many are equal, but of all digits.

@@ -1,0 +1,322 @@
+//! What an iteration would take on GPUs that are not at hand: a model, not a measurement.
+//!
+//! `cargo bench --bench model -- [--scene DIR|builtin:WIDTH] [--max-size PX] [--max-points N]
+//! [--set KEY=VALUE]...`
+//!
+//! The lists of the tiles are real: the training views are rendered here, with the rasterizer that GPUs
+//! take, and the entries that tiles go through are counted. Dispatches are those of the program. From
+//! them each stage has bytes, arithmetic and a longest chain of dependent loads, and takes the longest of
+//! the three on a GPU, with what its dispatches cost beside it. Caches hold what neighbours share and no
+//! more; no stage overlaps another; a full GPU gives [`SHARE`] of its arithmetic and of its bandwidth.
+
+mod kit;
+
+use clap::Parser;
+use gspotential::doctor::{Context, Rig};
+use gspotential::error::Result;
+use gspotential::gpu::{Gpu, Rasterizer, shader};
+use gspotential::pipeline::prepare;
+use gspotential::render::{ViewUniform, read_totals};
+use gspotential::report::{Column, Table};
+use gspotential::run::Seconds;
+use gspotential::scene::LoadOptions;
+
+use kit::SceneArgs;
+
+#[derive(Parser)]
+struct Args {
+    #[command(flatten)]
+    on: SceneArgs,
+    #[arg(long, default_value_t = 1600)]
+    max_size: u32,
+    #[arg(long, default_value_t = 300_000)]
+    max_points: usize,
+}
+
+/// Peaks by their makers' data sheets, and what a dispatch and a dependent load are taken to cost.
+struct Machine {
+    name: &'static str,
+    bytes_a_second: f64,
+    /// Instructions of one lane; a multiplication with an addition is one.
+    lane_ops_a_second: f64,
+    dispatch_s: f64,
+    load_s: f64,
+}
+
+const MACHINES: [Machine; 3] = [
+    Machine {
+        name: "RX 6800",
+        bytes_a_second: 512e9,
+        lane_ops_a_second: 8.1e12,
+        dispatch_s: 4e-6,
+        load_s: 0.35e-6,
+    },
+    Machine {
+        name: "RTX 4090",
+        bytes_a_second: 1008e9,
+        lane_ops_a_second: 41.3e12,
+        dispatch_s: 3e-6,
+        load_s: 0.30e-6,
+    },
+    Machine {
+        name: "H200",
+        bytes_a_second: 4800e9,
+        lane_ops_a_second: 33.5e12,
+        dispatch_s: 3e-6,
+        load_s: 0.35e-6,
+    },
+];
+
+/// Share of a peak that a stage reaches.
+const SHARE: f64 = 0.6;
+
+/// Instructions a pixel and an entry of its tile's list, of the compiled loops; the backward's tree is in it.
+const FORWARD_OPS: f64 = 26.0;
+const BACKWARD_OPS: f64 = 64.0;
+/// Instructions a pixel and channel: two window sums of eleven taps of five quantities and of three,
+/// and what is between.
+const LOSS_OPS: f64 = 260.0;
+
+/// What a view holds.
+#[derive(Clone, Copy, Default)]
+struct View {
+    gaussians: f64,
+    pairs: f64,
+    tiles: f64,
+    pixels: f64,
+    /// Entries of the tiles' lists, times their pixels: the most that are gone through forward.
+    listed: f64,
+    /// Entries up to the last that a pixel of the tile has blended, times its pixels: those that are
+    /// gone through backward.
+    blended: f64,
+    /// The longest list.
+    longest: f64,
+}
+
+/// A stage's work.
+struct Stage {
+    name: &'static str,
+    dispatches: f64,
+    bytes: f64,
+    ops: f64,
+    /// Dependent loads in a row.
+    chain: f64,
+}
+
+impl Stage {
+    fn seconds(&self, on: &Machine) -> f64 {
+        let bytes = self.bytes / (SHARE * on.bytes_a_second);
+        let ops = self.ops / (SHARE * on.lane_ops_a_second);
+        self.dispatches * on.dispatch_s + bytes.max(ops).max(self.chain * on.load_s)
+    }
+}
+
+/// The stages of a view of SH degree 3, forward and backward.
+fn stages(view: &View, passes: [f64; 2]) -> Vec<Stage> {
+    let View {
+        gaussians: n,
+        pairs: p,
+        tiles,
+        pixels,
+        listed,
+        blended,
+        longest,
+    } = *view;
+    let radix = Rasterizer::Workgroup.radix();
+    // Entries are read twice and written once; a count is written, read twice and written again, and read.
+    let counts = f64::from(radix.digits()) / f64::from(radix.chunk);
+    let pass = |entries: f64| entries * (3.0 * 8.0 + 5.0 * 4.0 * counts);
+    let of = |name, dispatches, bytes, ops, chain| Stage {
+        name,
+        dispatches,
+        bytes,
+        ops,
+        chain,
+    };
+    vec![
+        of("project", 1.0, n * (240.0 + 56.0), n * 500.0, 2.0),
+        of(
+            "depth sort",
+            4.0 * passes[0],
+            passes[0] * pass(n),
+            passes[0] * n * 60.0,
+            passes[0] * 40.0,
+        ),
+        of(
+            "bin and scan",
+            4.0,
+            2.0 * n * 56.0 + p * 12.0,
+            n * 200.0 + p * 40.0,
+            100.0,
+        ),
+        of(
+            "tile sort",
+            4.0 * passes[1],
+            passes[1] * pass(p),
+            passes[1] * p * 60.0,
+            passes[1] * 40.0,
+        ),
+        of(
+            "tile ranges and order",
+            2.0,
+            p * 20.0 + tiles * 24.0,
+            p * 10.0,
+            20.0,
+        ),
+        of(
+            "rasterize",
+            1.0,
+            p * 56.0 + pixels * 20.0,
+            listed * FORWARD_OPS,
+            longest / 64.0 * 3.0,
+        ),
+        of("loss", 4.0, pixels * 120.0, 3.0 * pixels * LOSS_OPS, 40.0),
+        of(
+            "rasterize backward",
+            1.0,
+            p * 92.0 + pixels * 36.0,
+            blended * BACKWARD_OPS,
+            longest / 32.0 * 8.0,
+        ),
+        of("sum pairs", 3.0, p * 40.0 + n * 96.0, p * 12.0, 156.0),
+        of(
+            "project backward",
+            1.0,
+            n * (240.0 + 48.0 + 80.0),
+            n * 1500.0,
+            2.0,
+        ),
+    ]
+}
+
+/// Adam: parameters and both moments read and written, and the gradients.
+fn adam(n: f64) -> Stage {
+    Stage {
+        name: "Adam",
+        dispatches: 4.0,
+        bytes: n * (6.0 * 240.0 + 48.0 + 32.0 + 3.0 * 48.0),
+        ops: n * 1000.0,
+        chain: 8.0,
+    }
+}
+
+fn main() -> Result<()> {
+    let args = Args::parse();
+    let mut config = args.on.config("paper")?;
+    config.scene.max_size_px = Some(args.max_size);
+    config.scene.max_points = Some(args.max_points);
+    config.views.count = 0;
+    let options = LoadOptions {
+        n_test: 1,
+        ..LoadOptions::new(&config)
+    };
+    let scene = args.on.load(args.max_size, options)?;
+    let prepared = prepare(&scene, &config, &mut Seconds::default())?;
+    let ctx = Context::from_sources(Gpu::open()?, Rasterizer::Workgroup, &shader::compose);
+    let views = &prepared.supervision.real;
+    let mut mean = View::default();
+    let mut tile_bits = 1;
+    for view in views {
+        let uniform = ViewUniform::new(&view.camera, prepared.supervision.near, [0.0; 3]);
+        let mut rig = Rig::new(&ctx, &prepared.start, uniform, config.model.sh_degree)?;
+        rig.forward(&ctx)?;
+        let one = look(&ctx, &rig)?;
+        let share = 1.0 / views.len() as f64;
+        mean.gaussians += share * one.gaussians;
+        mean.pairs += share * one.pairs;
+        mean.tiles += share * one.tiles;
+        mean.pixels += share * one.pixels;
+        mean.listed += share * one.listed;
+        mean.blended += share * one.blended;
+        mean.longest = mean.longest.max(one.longest);
+        tile_bits = (one.tiles as usize)
+            .next_power_of_two()
+            .ilog2()
+            .max(tile_bits);
+    }
+    let radix = Rasterizer::Workgroup.radix();
+    let passes = [32, tile_bits].map(|bits| f64::from(radix.passes(bits)));
+    println!(
+        "{}, means of {} views: {:.0} Gaussians, {:.0} pairs of 16x16 tiles, {:.0} tiles, {:.0} pixels, \
+         {:.1} entries a pixel listed, {:.1} up to the last that its tile blends, {:.0} in the longest list\n\n{}",
+        scene.name,
+        views.len(),
+        mean.gaussians,
+        mean.pairs,
+        mean.tiles,
+        mean.pixels,
+        mean.listed / mean.pixels,
+        mean.blended / mean.pixels,
+        mean.longest,
+        table(&mean, passes)
+    );
+    Ok(())
+}
+
+/// Counts what a rendered view has gone through.
+fn look(ctx: &Context, rig: &Rig) -> Result<View> {
+    let size = rig.view.size;
+    let n_slots = ctx.kernels.rasterizer.n_slots(size);
+    let n_tiles = ctx.kernels.rasterizer.n_tiles(size);
+    let lists: Vec<[u32; 4]> = rig.read(ctx, "tile_order", n_slots)?;
+    let plane = 4 * rig.view.plane_len();
+    let planes: Vec<u32> = rig.read(ctx, "d_rendered", 5 * plane)?;
+    let last_blended = &planes[4 * plane..];
+    let [columns, _] = ctx.kernels.rasterizer.tiles(size).map(|n| n as usize);
+    let side = ctx.kernels.rasterizer.tile()[0] as usize;
+    let row = 4 * rig.view.padded_size().0;
+    let mut view = View {
+        gaussians: rig.model.n as f64,
+        pairs: read_totals(&ctx.gpu, &rig.workspace)?.pairs as f64,
+        tiles: n_tiles as f64,
+        pixels: rig.view.n_pixels() as f64,
+        ..View::default()
+    };
+    for [tile, first, end, _] in lists {
+        let tile = tile as usize;
+        if tile >= n_tiles {
+            continue;
+        }
+        let (left, top) = (tile % columns * side, tile / columns * side);
+        let mut deepest = 0;
+        for y in top..(top + side).min(size[1] as usize) {
+            let pixels = left..(left + side).min(size[0] as usize);
+            let blended = pixels.map(|x| last_blended[y * row + x]);
+            deepest = deepest.max(blended.max().unwrap_or(0).min(end - first));
+        }
+        let n_pixels = (side * side) as f64;
+        view.listed += f64::from(end - first) * n_pixels;
+        view.blended += f64::from(deepest) * n_pixels;
+        view.longest = view.longest.max(f64::from(end - first));
+    }
+    Ok(view)
+}
+
+/// The stages of an iteration of two views on each machine.
+fn table(view: &View, passes: [f64; 2]) -> Table {
+    let mut columns = vec![
+        Column::text("stage", "an iteration of two views"),
+        Column::number("dispatches", "dispatches", 0),
+        Column::number("mb", "MB", 1),
+    ];
+    for machine in &MACHINES {
+        columns.push(Column::number(machine.name, machine.name, 2));
+    }
+    let mut table = Table::new("model", &columns);
+    let mut all = [0.0; MACHINES.len() + 2];
+    let twice = stages(view, passes).into_iter().map(|stage| (stage, 2.0));
+    for (stage, times) in twice.chain([(adam(view.gaussians), 1.0)]) {
+        let mut numbers = vec![times * stage.dispatches, times * stage.bytes / 1e6];
+        numbers.extend(MACHINES.iter().map(|on| 1e3 * times * stage.seconds(on)));
+        for (sum, number) in all.iter_mut().zip(&numbers) {
+            *sum += number;
+        }
+        let mut cells = vec![stage.name.into()];
+        cells.extend(numbers.into_iter().map(Into::into));
+        table.row(cells);
+    }
+    let mut cells = vec!["**all**".into()];
+    cells.extend(all.map(Into::into));
+    table.row(cells);
+    table
+}
