@@ -2,7 +2,7 @@
 // GROUP_TILE x GROUP_TILE pixels of one channel, four a thread. The windows' rows are summed up first, of the tile's rows and of
 // five more above and below; they stay in workgroup memory, where their columns are then summed up.
 //
-// A window's columns are summed about its middle row's mean, which the window holds. Where the row counts for nothing the
+// A window's columns are summed about its middle row's mean, which the window holds. If the row counts for nothing, the
 // pixel does not, either.
 #import shared/thread
 #import shared/ssim
@@ -14,7 +14,7 @@ const ACROSS = GROUP_TILE / 4u;
 const ROWS = GROUP_TILE + 2u * REACH;
 const STRETCHES = ROWS * ACROSS;
 
-// Of a stretch of four windows' rows: weights, means of e and y, sum of the variances of x and y, variance of e.
+// A stretch of four windows' rows has weights, means of e and y, sum of the variances of x and y, variance of e.
 var<workgroup> row_norm: array<vec4f, STRETCHES>;
 var<workgroup> row_e: array<vec4f, STRETCHES>;
 var<workgroup> row_y: array<vec4f, STRETCHES>;

@@ -107,6 +107,7 @@ fn own_preset_differs_from_the_paper_in_its_parts_alone() {
         "densify.enabled=false",
         "iterations=700",
         "loss.fill_weight=0.3",
+        "model.sh_degree=1",
         "model.sh_interval=150",
         "need.ends=true",
         "need.hold_out=8",

@@ -385,10 +385,16 @@ fn a_run_is_exported_in_metres_upright_and_as_a_mesh() {
         let off = here.length() - Vec3::from_slice(there).length();
         assert!(off.abs() < 1e-3, "a rotation keeps lengths: {off}");
     }
-    let dot: f32 = pairs().map(|(here, there)| here.z * there[1]).sum();
-    let squares =
-        |of: &dyn Fn(&(&Vec3, &[f32])) -> f32| pairs().map(|p| of(&p).powi(2)).sum::<f32>();
-    let alike = dot / (squares(&|p| p.0.z) * squares(&|p| p.1[1])).sqrt();
+    let heights: Vec<[f32; 2]> = pairs().map(|(here, there)| [here.z, there[1]]).collect();
+    let dot: f32 = heights.iter().map(|[here, there]| here * there).sum();
+    let length = |k: usize| {
+        heights
+            .iter()
+            .map(|pair| pair[k].powi(2))
+            .sum::<f32>()
+            .sqrt()
+    };
+    let alike = dot / (length(0) * length(1));
     assert!(alike > 0.9, "{alike}");
 
     export("--mesh --mesh-voxels 64 --out m.obj --out m.glb --scale 3");

@@ -17,7 +17,7 @@ Examples:
   gspotential export runs/garden --metres a.jpg:b.jpg=1.35 --out garden.ply --cameras garden.json
 
 .spz     about a tenth of the PLY, with all SH degrees in 8 bits a value
-.sog     PlayCanvas' format, the smallest: 256 scales and colours, a palette of the other SH
+.sog     PlayCanvas' format for the web: 256 scales and colours, a palette of the other SH
 .splat   32 bytes a Gaussian and the colours of degree 0
 .glb     glTF with KHR_gaussian_splatting, f32, y up; .gltf is the same as text. Programs that do
          not know the extension show points

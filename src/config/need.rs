@@ -16,7 +16,7 @@ section! {
         interval: u32 = 100, within(1.0, 1e8).unit("iterations");
         /// Training ends when the held-out views have stopped rising; `iterations` are then the most.
         ends: bool = false, any();
-        /// They have stopped when the last third of the iterations has raised their best PSNR by less than this, dB.
+        /// They have stopped when the last third of the iterations has raised their best PSNR by less than this, dB, and half of `iterations` are done.
         least_gain_db: f64 = 0.05, at_least(0.0);
         /// Share of all iterations, the last, in which all learning rates fall to nothing.
         settle_share: f64 = 0.0, from_below(0.0, 1.0);

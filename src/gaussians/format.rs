@@ -20,7 +20,7 @@ pub enum Format {
     Spz,
     /// 32 bytes a Gaussian.
     Splat,
-    /// PlayCanvas', compact.
+    /// The compact one of `PlayCanvas`.
     Sog,
     /// glTF with the extension for Gaussians.
     Gltf,

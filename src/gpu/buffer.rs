@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 /// beside it, asked of the system for the first time.
 pub const PORTION: usize = 4 << 20;
 
-/// Where parts of a buffer that are bound as uniforms may begin, bytes: WebGPU's default.
+/// Parts of a buffer that are bound as uniforms begin at multiples of so many bytes: WebGPU's default.
 pub const UNIFORM_ALIGNMENT: u64 = 256;
 
 /// Description of buffers that need not exist yet: their name, and the bytes of an entry. One
@@ -97,7 +97,7 @@ pub struct Buffer {
     /// First byte in `raw`.
     first: u64,
     bytes: u64,
-    /// Where the bytes are counted; `None` for a part.
+    /// The counter of these bytes; `None` for a part.
     allocated: Option<Arc<AtomicU64>>,
 }
 

@@ -8,23 +8,25 @@ use crate::error::Result;
 use crate::gpu::{Commands, Gpu};
 use crate::render::{Targets, ViewUniform};
 
-/// Uploads the target images that stay on the GPU; `views` are the real ones and then the virtual
-/// ones.
-///
-/// # Errors
-/// A request that the adapter cannot hold.
-pub(super) fn upload(
-    gpu: &Gpu,
-    views: &[ViewUniform],
-    supervision: &Supervision,
-    config: &Config,
-) -> Result<Targets> {
-    let trained: Vec<&TrainingView> = supervision.trained().collect();
-    let budget = Targets::budget(config.render.targets_mib, gpu);
-    Targets::upload(gpu, views, budget, |k, texels| trained[k].goal.unpack(texels))
-}
-
 impl Trainer<'_> {
+    /// Uploads the target images that stay on the GPU; `views` are the real ones and then the virtual
+    /// ones.
+    ///
+    /// # Errors
+    /// A request that the adapter cannot hold.
+    pub(super) fn upload_targets(
+        gpu: &Gpu,
+        views: &[ViewUniform],
+        supervision: &Supervision,
+        config: &Config,
+    ) -> Result<Targets> {
+        let trained: Vec<&TrainingView> = supervision.trained().collect();
+        let budget = Targets::budget(config.render.targets_mib, gpu);
+        Targets::upload(gpu, views, budget, |k, texels| {
+            trained[k].goal.unpack(texels)
+        })
+    }
+
     /// Makes the target image of view `k` of all that of a slot.
     pub(super) fn set_goal(
         &mut self,

@@ -12,7 +12,6 @@ use super::record::{ImageLoss, LossSample, PlanRecord, SignalPoint, Trained, Tri
 use super::refine::Refinement;
 use super::schedule::{self, ViewOrder};
 use super::supervision::{Supervision, TrainingView};
-use super::targets;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
@@ -131,7 +130,7 @@ impl<'a> Trainer<'a> {
         let refine = || Refinement::new(gpu, &workspace, &optimizer.model, &supervision.real);
         let refinement = config.poses.refine.then(refine).transpose()?;
         let trained = [real.as_slice(), &virtual_views].concat();
-        let targets = targets::upload(gpu, &trained, supervision, config)?;
+        let targets = Self::upload_targets(gpu, &trained, supervision, config)?;
         Ok(Trainer {
             gpu,
             kernels,

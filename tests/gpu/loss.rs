@@ -12,7 +12,9 @@ const SIZES: [(usize, usize); 6] = [(1, 1), (7, 5), (33, 17), (64, 48), (5, 70),
 
 /// Holds `kind` at every size with every rasterizer; prints the largest error of each quantity.
 fn hold(kind: Kind, masks: &[Option<MaskKind>]) {
-    Rasterizer::ALL.map(|rasterizer| hold_one(rasterizer, kind, masks));
+    for rasterizer in Rasterizer::ALL {
+        hold_one(rasterizer, kind, masks);
+    }
 }
 
 fn hold_one(rasterizer: Rasterizer, kind: Kind, masks: &[Option<MaskKind>]) {

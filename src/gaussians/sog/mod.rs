@@ -1,4 +1,4 @@
-//! This module writes and reads `.sog` files: PlayCanvas' compact format for the web, version 2.
+//! This module writes and reads `.sog` files: the compact format of `PlayCanvas` for the web, version 2.
 //!
 //! A zip archive of `meta.json` and lossless WebP images, in which one pixel of each belongs to a
 //! Gaussian: means as 16 bits of the logarithm of 1 + |x|, the low and the high ones apart; scales and

@@ -60,7 +60,7 @@ impl Palette {
             let is_below =
                 |i: &u32| f64::from(vectors[*i as usize * length + largest.axis]) < middle;
             let (below, above): (Vec<u32>, Vec<u32>) =
-                largest.members.iter().partition(|i| is_below(*i));
+                largest.members.iter().partition(|i| is_below(i));
             if below.is_empty() || above.is_empty() {
                 // All equal but for rounding.
                 groups.push(Group {
