@@ -20,7 +20,7 @@ var<workgroup> row_e: array<vec4f, STRETCHES>;
 var<workgroup> row_y: array<vec4f, STRETCHES>;
 var<workgroup> row_both: array<vec4f, STRETCHES>;
 var<workgroup> row_squares: array<vec4f, STRETCHES>;
-// Of a stretch of four pixels: sums of the derivatives along the row, and the mean residual that the first is about.
+// A stretch of four pixels has sums of the derivatives along the row, and the mean residual that the first is about.
 var<workgroup> row_own: array<vec4f, STRETCHES>;
 var<workgroup> row_d_e: array<vec4f, STRETCHES>;
 var<workgroup> row_d_y: array<vec4f, STRETCHES>;

@@ -17,7 +17,7 @@ use crate::report::{Cell, Column, Table};
 /// All of it: the default preset.
 const BASE: &str = "gspotential";
 
-const SH_DEGREES: [u32; 3] = [0, 1, 2];
+const SH_DEGREES: [u32; 4] = [0, 1, 2, 3];
 /// One in so many of the start's points.
 const CAPS: [usize; 5] = [1, 2, 4, 8, 16];
 const VIRTUAL_VIEWS: [usize; 4] = [0, 16, 64, 1024];
