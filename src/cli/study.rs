@@ -39,7 +39,7 @@ pub(crate) struct StudyArgs {
     #[arg(long, value_name = "OUT", default_value = "studies")]
     out: PathBuf,
 
-    /// Training iterations of every run [preset: 10000]
+    /// Training iterations of every run, at most [default: its preset's]
     #[arg(long, value_name = "N")]
     iterations: Option<u32>,
 

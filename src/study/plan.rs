@@ -17,7 +17,7 @@ pub struct Options {
     pub out: PathBuf,
     /// One run of each variant for every seed.
     pub seeds: Vec<u64>,
-    /// Iterations of the preset `paper`, others in proportion; `None`: as it has them itself.
+    /// Most iterations of a run; `None`: as its preset has them.
     pub iterations: Option<u32>,
     /// Longest image side, pixels; `None`: as the preset has it.
     pub max_size: Option<u32>,
@@ -74,8 +74,7 @@ impl<'a> Base<'a> {
     }
 
     /// Makes the config: the method under the study's options, then what the preset does otherwise
-    /// than the method, then `changes` (`key=value`). A preset that trains for less or more
-    /// iterations than the method does so in proportion.
+    /// than the method, then `changes` (`key=value`). A preset that trains for fewer iterations than are stated keeps them.
     ///
     /// # Errors
     /// Usage: what the config does not allow.
@@ -89,11 +88,9 @@ impl<'a> Base<'a> {
                 .set(setting)
                 .map_err(|e| e.at(format!("--set {setting}")))?;
         }
-        let iterations = options.iterations.unwrap_or(config.iterations);
-        let share = f64::from(preset.iterations) / f64::from(method.iterations);
-        // None stays none, which is refused.
-        let least = f64::from(iterations.min(1));
-        config.iterations = (share * f64::from(iterations)).round().max(least) as u32;
+        let set = Some(config.iterations).filter(|set| *set != method.iterations);
+        let own = preset.iterations;
+        config.iterations = options.iterations.or(set).map_or(own, |most| most.min(own));
         config.scene.max_size_px = options.max_size.or(config.scene.max_size_px);
         config.scene.max_points = options.max_points.or(config.scene.max_points);
         let own = preset.differences(&method)?;

@@ -162,6 +162,12 @@ fn every_study_reports_in_text_numbers_and_pictures_and_trains_nothing_twice() {
         json(&folder.path().join(run).join("config.json"))["preset"],
         "ablation-info"
     );
+    // Presets that have fewer iterations of their own take as many as are stated, no share of them.
+    for preset in ["curve-fast", "gspotential"] {
+        let config = format!("studies/runs/builtin-{preset}-seed4/config.json");
+        let config = json(&folder.path().join(config));
+        assert_eq!(config["iterations"], 3, "{preset}");
+    }
     check_ceiling(folder.path());
 }
 
