@@ -5,6 +5,7 @@
 //! rasterizer has for each (tile, Gaussian) pair when a colour's gradient at every pixel is the pixel's weight. The pairs' sums are
 //! added here in their order, in f64.
 
+use super::signal::evenly;
 use super::trainer::Trainer;
 use crate::error::Result;
 use crate::gpu::constants::LEVEL_MAX;
@@ -21,8 +22,7 @@ impl Trainer<'_> {
     pub fn contributions(&mut self, done: u32) -> Result<Vec<f64>> {
         let degree = self.sh_degree(done.saturating_sub(1));
         let supervision = self.supervision;
-        let n_shown = self.virtual_views.len().min(MOST_VIRTUAL);
-        let shown = (0..n_shown).map(|i| i * self.virtual_views.len() / n_shown);
+        let shown = evenly(self.virtual_views.len(), MOST_VIRTUAL);
         let real = supervision.real.iter().zip(self.real.clone());
         let shown: Vec<(_, ViewUniform)> = shown
             .map(|i| (&supervision.virtual_views[i], self.virtual_views[i]))

@@ -5,7 +5,7 @@
 //! views cannot, and no test view is looked at for it. Pixels of full weight alone are measured: a point was
 //! seen there, while the others were filled in.
 //!
-//! A measurement renders up to 16 held-out views and each photograph once, forward alone, in the buffers of training.
+//! A measurement renders up to 16 held-out views and up to 16 photographs once, forward alone, in the buffers of training.
 
 use std::time::Instant;
 
@@ -27,6 +27,9 @@ const SPACING: u32 = 10;
 
 /// Most held-out views that a measurement renders, evenly over all: it costs what some eight iterations do.
 const MOST_MEASURED: usize = 16;
+
+/// Most photographs that a measurement renders, evenly over all: what hundreds cost would be more than training.
+const MOST_PHOTOGRAPHS: usize = 16;
 
 /// Greatest PSNR that is told, dB: an error of a 400th of a level. That of equal images is no number.
 const MOST_PSNR: f64 = 100.0;
@@ -77,11 +80,11 @@ impl Trainer<'_> {
     pub(super) fn point(&mut self, done: u32, most_held_out: usize) -> Result<SignalPoint> {
         let degree = self.sh_degree(done.saturating_sub(1));
         let supervision = self.supervision;
-        let n = self.held_out.len().min(most_held_out);
-        let held_out = (0..n).map(|i| i * self.held_out.len() / n);
+        let held_out = evenly(self.held_out.len(), most_held_out);
         let held_out = held_out.map(|i| (&supervision.held_out[i], self.held_out[i]));
         let held_out: Vec<Measured<'_>> = held_out.collect();
-        let real = supervision.real.iter().zip(self.real.clone());
+        let real = evenly(self.real.len(), MOST_PHOTOGRAPHS);
+        let real = real.map(|i| (&supervision.real[i], self.real[i]));
         let real: Vec<Measured<'_>> = real.collect();
         Ok(SignalPoint {
             iteration: done,
@@ -133,6 +136,12 @@ impl Trainer<'_> {
             read_totals(gpu, workspace)
         })
     }
+}
+
+/// Iterates over at most `most` of the indices below `n`, evenly.
+pub(super) fn evenly(n: usize, most: usize) -> impl Iterator<Item = usize> {
+    let taken = n.min(most);
+    (0..taken).map(move |i| i * n / taken)
 }
 
 /// Returns the PSNR of a render over the pixels of `goal` that have full weight.
