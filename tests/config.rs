@@ -151,6 +151,7 @@ fn presets_of_other_systems_differ_from_the_baseline_in_what_their_sources_say()
         [
             "densify.enabled=false",
             "iterations=1000",
+            "optimizer.confidence_gain=99.0",
             "optimizer.mean_lr_end=0.00013723",
             "optimizer.rotation_lr=0.01",
             "optimizer.scale_lr=0.05",

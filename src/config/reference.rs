@@ -43,7 +43,7 @@ pub fn summary(preset: &str) -> &'static str {
         }
         "fast" => "gspotential in a tenth of the time: fewer iterations and views, SH degree 0",
         "instantsplat" => {
-            "InstantSplat's settings: refined poses, high rates, no densification, no virtual views"
+            "InstantSplat's settings: refined poses, high rates, by confidence; no densification"
         }
         "dropgaussian" => "DropGaussian's settings: 3dgs with uniform dropout, slow densification",
         "d2gs" => {

@@ -365,6 +365,10 @@ section! {
 }
 
 section! {
+        /// The rate of a position is multiplied by 1 plus this times `1 - sigmoid(c)`, `c` the confidence
+        /// of its point of the cloud, above 1 as DUSt3R has it (InstantSplat, Fan et al. 2024); Gaussians
+        /// that come of others have theirs. 0: all positions have the same rate.
+        confidence_gain: f64 = 0.0, at_least(0.0);
     /// 3DGS's densification and pruning.
     struct DensifyConfig {
         /// Clones and splits Gaussians, whose number only falls without.

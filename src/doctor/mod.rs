@@ -186,7 +186,7 @@ pub fn examine_kernels(ctx: &Context) -> Result<Vec<Finding>> {
     findings.extend(examine_losses(ctx)?);
     for degree in 0..4 {
         for n_views in [1, 2] {
-            findings.extend(adam::examine(ctx, degree, n_views, f32::INFINITY)?.list);
+            findings.extend(adam::examine(ctx, degree, n_views, adam::Treatment::ALIKE)?.list);
         }
         // Fewer, within the room that there is, and more.
         for len in [40, 170, 333] {
@@ -198,7 +198,7 @@ pub fn examine_kernels(ctx: &Context) -> Result<Vec<Finding>> {
             findings.extend(changes::examine_rearrange(ctx, &plan, set, degree)?.list);
         }
     }
-    findings.extend(adam::examine(ctx, 1, 2, adam::FROZEN_BEYOND)?.list);
+    findings.extend(examine_treatments(ctx)?);
     findings.extend(changes::examine_reset(ctx, 70)?.list);
     Ok(findings)
 }
@@ -207,6 +207,24 @@ fn loss_cases() -> Vec<LossCase> {
     let mut cases = Vec::new();
     for size in [(64, 48), (33, 17), (7, 5), (1, 1)] {
         let mut add = |kind, mask| cases.push(LossCase { size, kind, mask });
+/// Holds steps to the reference that treat Gaussians unlike one another.
+///
+/// # Errors
+/// A GPU fault, or a case that the adapter cannot hold.
+pub fn examine_treatments(ctx: &Context) -> Result<Vec<Finding>> {
+    let frozen = adam::Treatment {
+        frozen_beyond: adam::FROZEN_BEYOND,
+        own_rates: false,
+    };
+    let own_rates = adam::Treatment {
+        own_rates: true,
+        ..adam::Treatment::ALIKE
+    };
+    let mut findings = adam::examine(ctx, 1, 2, frozen)?.list;
+    findings.extend(adam::examine(ctx, 1, 1, own_rates)?.list);
+    Ok(findings)
+}
+
         add(Kind::Noise, None);
         add(Kind::Flat, None);
         for mask in MaskKind::ALL {

@@ -94,6 +94,7 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
             "the subject is cut out by its masks: no far shell and no filled holes".to_owned(),
         );
     }
+    let position_gains = position_gains(&thinned, start.len(), config);
     let spread = spread(&train_cameras, &frame);
     if spread < MIN_SPREAD {
         warnings.push(
@@ -103,6 +104,13 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
         );
     }
     if virtual_views.len() < config.views.count && config.views.within_deg.is_none() {
+    if config.optimizer.confidence_gain > 0.0 && thinned.confidence.is_none() {
+        warnings.push(
+            "the cloud has no confidences: all positions learn at the same rate, whatever \
+             optimizer.confidence_gain says"
+                .to_owned(),
+        );
+    }
         warnings.push(format!(
             "{} virtual views instead of {} (views.count): no other candidate reaches \
              views.visibility.min_share, {}",
@@ -122,6 +130,7 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
             config,
         )
     };
+        position_gains,
     if config.need.ends && config.need.hold_out > 0 && supervision.held_out.is_empty() {
         warnings.push(format!(
             "no virtual view is held out, so that nothing ends training early: there are {}, and one \
@@ -162,6 +171,20 @@ pub(super) fn carved(scene: &Scene, frame: &Frame, config: &Config) -> Result<Op
     config
         .carve
         .enabled
+/// Returns what is added to 1 for the factor of each position's learning rate, for the Gaussians of
+/// `cloud` and those beyond, `n` in all; nothing if all have the same.
+fn position_gains(cloud: &PointCloud, n: usize, config: &Config) -> Vec<f32> {
+    let most = config.optimizer.confidence_gain;
+    let Some(confidence) = cloud.confidence.as_ref().filter(|_| most > 0.0) else {
+        return Vec::new();
+    };
+    let gain = |c: &f32| (most / (1.0 + f64::from(*c).exp())) as f32;
+    let mut gains: Vec<f32> = confidence.iter().map(gain).collect();
+    // The far shell's geometry is frozen.
+    gains.resize(n, 0.0);
+    gains
+}
+
         .then(|| carve(&scene.cloud, frame, &scene.train, &config.carve, near))
         .transpose()
 }
@@ -261,6 +284,7 @@ fn held_out(views: Vec<TrainingView>, one_in: usize) -> (Vec<TrainingView>, Vec<
     };
     let (mut held_out, mut others) = (Vec::new(), Vec::with_capacity(views.len()));
     for (i, view) in views.into_iter().enumerate() {
+        position_gains: Vec::new(),
         match is_held_out(i, &view) {
             true => held_out.push(view),
             false => others.push(view),

@@ -85,6 +85,10 @@ impl Trainer<'_> {
         self.gpu.wait()?;
         let model = Model::zeros(self.gpu, n, stride, degree)?;
         self.optimizer = Optimizer::new(self.gpu, model)?;
+        // Those of the start; the buffers have them as they are by now.
+        let gains = &self.supervision.position_gains;
+        let kept = &gains[..gains.len().min(n)];
+        self.optimizer.set_position_gains(self.gpu, kept);
         let mut rest = buffers;
         for (buffer, len) in self.optimizer.buffers().into_iter().zip(lens) {
             let (bytes, after) = rest.split_at(16 * len);
@@ -121,6 +125,10 @@ pub fn fingerprint(supervision: &Supervision, start: &Gaussians) -> BTreeMap<Str
         bytemuck::cast_slice(&start.sh),
     ];
     parts.insert("point cloud".to_owned(), sum(&cloud));
+    if !supervision.position_gains.is_empty() {
+        let gains = bytemuck::cast_slice(&supervision.position_gains);
+        parts.insert("confidences of the cloud".to_owned(), sum(&[gains]));
+    }
     parts
 }
 

@@ -96,3 +96,6 @@ impl Supervision {
         shell.map_or(f32::INFINITY, |shell| shell.inner_radius() as f32)
     }
 }
+    /// What is added to 1 for the factor of a position's learning rate, one a Gaussian of the start; empty
+    /// where all have the same rate.
+    pub position_gains: Vec<f32>,

@@ -123,7 +123,8 @@ impl<'a> Trainer<'a> {
         let model = Model::upload(gpu, start, start.len())?;
         let capacity = start_capacity(gpu, kernels.rasterizer, model.n, supervision, config);
         let optimizer_kernels = OptimizerKernels::default();
-        let optimizer = Optimizer::new(gpu, model)?;
+        let mut optimizer = Optimizer::new(gpu, model)?;
+        optimizer.set_position_gains(gpu, &supervision.position_gains);
         let workspace = Workspace::new(gpu, capacity, true)?;
         let bound = Bound::new(gpu, kernels, &workspace, &optimizer.model);
         let adam = optimizer.bind(gpu, &optimizer_kernels, &workspace);

@@ -63,7 +63,7 @@ fn host_layouts() -> BTreeMap<&'static str, Layout> {
         (
             "Step",
             layout!(StepUniform: views, geometry_rates, sh_0_rate, sh_rate, beta_1, beta_2,
-                new_share_1, new_share_2, correction_1, correction_2, epsilon, frozen_beyond,
+                new_share_1, new_share_2, correction_1, correction_2, epsilon, own_rates, frozen_beyond,
                 n_gaussians, stride),
         ),
         (
