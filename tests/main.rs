@@ -26,6 +26,7 @@ mod habits;
 mod hard;
 mod kit;
 mod live;
+mod marks;
 mod masked;
 mod memory;
 mod mesh;

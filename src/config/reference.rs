@@ -47,7 +47,10 @@ pub fn summary(preset: &str) -> &'static str {
         }
         "dropgaussian" => "DropGaussian's settings: 3dgs with uniform dropout, slow densification",
         "d2gs" => {
-            "D2GS's settings: as dropgaussian, guided by depth and density; no far-field loss"
+            "D2GS's settings: as dropgaussian, guided by depth and density, far pixels counted again"
+        }
+        "gaussianobject" => {
+            "GaussianObject's coarse stage, for cut-out subjects: visual hull, silhouettes"
         }
         "ablation-virtual" => {
             "ablation: virtual views between photographs, no field, no coverage rules"

@@ -309,6 +309,12 @@ section! {
         /// out of both views' renders with this probability, and the opacity of the others is
         /// divided by one less it (DropGaussian, Park et al. 2025). The file needs no correction.
         rate_end: f64 = 0.0, from_below(0.0, 1.0);
+        /// Weight of a second L1 loss, the mean over the farthest twentieth of a photograph's pixels, by the
+        /// depth of the cloud's nearest point in each (D2GS, Song et al. 2026).
+        far_weight: f64 = 0.0, at_least(0.0);
+        /// Weight of the mean binary cross-entropy between a render's opacity and the mask of a photograph
+        /// whose subject is cut out (GaussianObject, Yang et al. 2024); others have none.
+        silhouette_weight: f64 = 0.0, at_least(0.0);
         /// Above 0 here or below, each Gaussian has a share of its own in that probability: this times
         /// its nearness to the camera, 0 to 1, and, all of it, times 0.7 and 0.3 in the middle and far
         /// third; the others keep their opacity (D2GS, Song et al. 2026).
@@ -359,16 +365,16 @@ section! {
         beta1: f64 = 0.9, from_below(0.0, 1.0);
         /// Adam's decay of the mean squared gradient.
         beta2: f64 = 0.999, from_below(0.0, 1.0);
+        /// The rate of a position is multiplied by 1 plus this times `1 - sigmoid(c)`, `c` the confidence
+        /// of its point of the cloud, above 1 as DUSt3R has it (InstantSplat, Fan et al. 2024); Gaussians
+        /// that come of others have theirs. 0: all positions have the same rate.
+        confidence_gain: f64 = 0.0, at_least(0.0);
         /// Adam's epsilon.
         epsilon: f64 = 1e-15, positive();
     }
 }
 
 section! {
-        /// The rate of a position is multiplied by 1 plus this times `1 - sigmoid(c)`, `c` the confidence
-        /// of its point of the cloud, above 1 as DUSt3R has it (InstantSplat, Fan et al. 2024); Gaussians
-        /// that come of others have theirs. 0: all positions have the same rate.
-        confidence_gain: f64 = 0.0, at_least(0.0);
     /// 3DGS's densification and pruning.
     struct DensifyConfig {
         /// Clones and splits Gaussians, whose number only falls without.

@@ -18,6 +18,7 @@ pub mod forward;
 pub mod host;
 pub mod image;
 pub mod loss;
+pub mod marks;
 pub mod pose;
 pub mod stage;
 pub mod timing;
@@ -173,6 +174,9 @@ pub fn examine_losses(ctx: &Context) -> Result<Vec<Finding>> {
     for case in loss_cases() {
         findings.extend(loss::examine(ctx, &case)?.list);
     }
+    for masked in [false, true] {
+        findings.extend(marks::examine(ctx, (33, 17), masked)?.list);
+    }
     findings.extend(loss::examine_residual(ctx, loss::LARGE)?.list);
     Ok(findings)
 }
@@ -203,10 +207,6 @@ pub fn examine_kernels(ctx: &Context) -> Result<Vec<Finding>> {
     Ok(findings)
 }
 
-fn loss_cases() -> Vec<LossCase> {
-    let mut cases = Vec::new();
-    for size in [(64, 48), (33, 17), (7, 5), (1, 1)] {
-        let mut add = |kind, mask| cases.push(LossCase { size, kind, mask });
 /// Holds steps to the reference that treat Gaussians unlike one another.
 ///
 /// # Errors
@@ -225,6 +225,10 @@ pub fn examine_treatments(ctx: &Context) -> Result<Vec<Finding>> {
     Ok(findings)
 }
 
+fn loss_cases() -> Vec<LossCase> {
+    let mut cases = Vec::new();
+    for size in [(64, 48), (33, 17), (7, 5), (1, 1)] {
+        let mut add = |kind, mask| cases.push(LossCase { size, kind, mask });
         add(Kind::Noise, None);
         add(Kind::Flat, None);
         for mask in MaskKind::ALL {

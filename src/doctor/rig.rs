@@ -235,6 +235,19 @@ impl Rig {
         Ok(self.pixels().flat_map(of_pixel).collect())
     }
 
+    /// Reads one plane of an image.
+    ///
+    /// # Errors
+    /// A GPU fault.
+    pub fn read_plane(&self, ctx: &Context, name: &str, plane: usize) -> Result<Vec<f64>> {
+        let len = 4 * self.view.plane_len();
+        let values: Vec<f32> = self.read(ctx, name, (plane + 1) * len)?;
+        Ok(self
+            .pixels()
+            .map(|i| f64::from(values[plane * len + i]))
+            .collect())
+    }
+
     /// Returns the places of the image's pixels in a padded plane.
     fn pixels(&self) -> impl Iterator<Item = usize> {
         let row_len = 4 * self.view.padded_size().0;

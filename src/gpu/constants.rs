@@ -85,6 +85,8 @@ pub const DILATION: f64 = 0.3;
 pub const ALPHA_MAX: f64 = 0.999;
 /// Largest value of 8 bits, which stands for 1 in images.
 pub const LEVEL_MAX: f64 = 255.0;
+/// Alpha, of 255, of a photograph's pixel that the loss of the far pixels counts.
+pub const FAR_ALPHA: u32 = 254;
 /// Splats fainter than this at a pixel are skipped there (3DGS).
 pub const ALPHA_MIN: f64 = 1.0 / LEVEL_MAX;
 /// A pixel ends before its transmittance falls to this (3DGS).
@@ -136,6 +138,7 @@ pub fn prelude(sh_degree: u32) -> String {
         ("PAIR_BLOCK", PAIR_BLOCK),
         ("LIST_SLICE", LIST_SLICE),
         ("SSIM_ROWS", SSIM_ROWS),
+        ("FAR_ALPHA", FAR_ALPHA),
         ("TOTAL_PAIRS", TOTAL_PAIRS),
         ("TOTAL_OVERFLOW", TOTAL_OVERFLOW),
         ("TOTAL_MAX", TOTAL_MAX),

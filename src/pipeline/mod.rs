@@ -10,6 +10,7 @@ mod export;
 mod field;
 mod job;
 mod keep;
+mod marks;
 mod measure;
 mod memory;
 mod moved;

@@ -4,7 +4,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Clock, cameras, focus_of};
+use super::{Clock, cameras, focus_of, marks};
 use crate::camera::{Camera, Frame};
 use crate::cloud::agreement::Agreement;
 use crate::cloud::carve::{Carved, carve};
@@ -119,7 +119,7 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
             config.views.visibility.min_share
         ));
     }
-    let supervision = Supervision {
+    let mut supervision = Supervision {
         shell,
         ..supervision(
             scene,
@@ -140,6 +140,8 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
         ));
     }
     seconds.gaussians = Some(clock.lap());
+    supervision.real = marks::marked(supervision.real, scene, (cloud, &frame), config)?;
+    warnings.extend(marks::warning(&supervision.real, config));
     Ok(Prepared {
         supervision,
         warnings,
@@ -169,8 +171,6 @@ fn is_cut_out(scene: &Scene) -> bool {
 pub(super) fn carved(scene: &Scene, frame: &Frame, config: &Config) -> Result<Option<Carved>> {
     let near = frame.near(config.model.near);
     config
-        .carve
-        .enabled
 /// Returns what is added to 1 for the factor of each position's learning rate, for the Gaussians of
 /// `cloud` and those beyond, `n` in all; nothing if all have the same.
 fn position_gains(cloud: &PointCloud, n: usize, config: &Config) -> Vec<f32> {
@@ -185,6 +185,8 @@ fn position_gains(cloud: &PointCloud, n: usize, config: &Config) -> Vec<f32> {
     gains
 }
 
+        .carve
+        .enabled
         .then(|| carve(&scene.cloud, frame, &scene.train, &config.carve, near))
         .transpose()
 }
@@ -282,9 +284,9 @@ fn held_out(views: Vec<TrainingView>, one_in: usize) -> (Vec<TrainingView>, Vec<
     let is_held_out = |i: usize, view: &TrainingView| {
         one_in > 0 && i % one_in == one_in - 1 && view.goal.has_opaque()
     };
+        position_gains: Vec::new(),
     let (mut held_out, mut others) = (Vec::new(), Vec::with_capacity(views.len()));
     for (i, view) in views.into_iter().enumerate() {
-        position_gains: Vec::new(),
         match is_held_out(i, &view) {
             true => held_out.push(view),
             false => others.push(view),

@@ -282,7 +282,10 @@ impl<'a> Trainer<'a> {
         for (slot, (view, uniform, k)) in chosen.into_iter().flatten().enumerate() {
             let scale = [1.0, config.loss.virtual_weight][slot];
             let w = config.loss.ssim_weight;
-            let loss = LossUniform::new(view.weight * scale, w, view.total_weight, view.masked);
+            let weight = view.weight * scale;
+            let loss = LossUniform::new(weight, w, view.total_weight, view.masked)
+                .with_far(weight * config.loss.far_weight, view.n_far)
+                .with_silhouette(weight * config.loss.silhouette_weight, view.n_outlined);
             let pass = Pass::new(
                 self.gpu,
                 self.kernels,

@@ -45,7 +45,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-pub(crate) const PLANTS: [Plant; 53] = [
+pub(crate) const PLANTS: [Plant; 60] = [
     plant(
         "project",
         "+ DILATION;",
@@ -253,6 +253,30 @@ pub(crate) const PLANTS: [Plant; 53] = [
         stage::LOSS,
     ),
     plant(
+        "ssim_workgroup",
+        "far_gradient(raw, x - goal_y)",
+        "weight * far_gradient(raw, goal_y - x)",
+        stage::LOSS_WORKGROUP,
+    ),
+    plant(
+        "ssim_workgroup",
+        "vec4u(24u)) > vec4u(0u)",
+        "vec4u(24u)) > vec4u(FAR_ALPHA)",
+        stage::LOSS_WORKGROUP,
+    ),
+    plant(
+        "ssim",
+        "== vec4u(FAR_ALPHA)",
+        ">= vec4u(FAR_ALPHA)",
+        stage::LOSS,
+    ),
+    plant(
+        "ssim",
+        "rendered[plane_index(view, 3u, at.x4, at.y + 7u)]",
+        "rendered[plane_index(view, 3u, at.x4, at.y + 6u)]",
+        stage::LOSS,
+    ),
+    plant(
         "loss_sum",
         "loss.mean_scale * sum.yx",
         "1.0001 * loss.mean_scale * sum.yx",
@@ -331,6 +355,19 @@ pub(crate) const PLANTS: [Plant; 53] = [
         stage::ADAM,
     ),
     plant("adam", " - step.views[0].center_low", "", stage::ADAM),
+    plant(
+        "adam",
+        "1.0 + statistics[id].w;",
+        "statistics[id].w;",
+        stage::ADAM,
+    ),
+    plant("adam", ", plane == 0u);", ", plane == 1u);", stage::ADAM),
+    plant(
+        "rearrange",
+        "vec4f(vec3f(0.0), value.w)",
+        "vec4f(0.0)",
+        stage::REARRANGE,
+    ),
     plant(
         "rearrange",
         "new_planes[plane * rearrange.new_stride + id]",

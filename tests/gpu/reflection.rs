@@ -56,7 +56,7 @@ fn host_layouts() -> BTreeMap<&'static str, Layout> {
         (
             "Loss",
             layout!(LossUniform: l1_scale, ssim_scale, masked, mean_scale, slot, n_partials,
-                pad_0, pad_1),
+                far_scale, silhouette_scale),
         ),
         ("Scan", layout!(ScanUniform: n, total, capacity, step)),
         ("Radix", layout!(RadixUniform: n, pairs, shift, pad)),
