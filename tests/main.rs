@@ -44,6 +44,7 @@ mod prose;
 mod reference;
 mod report;
 mod run;
+mod returned;
 mod scene;
 mod shell;
 mod single_view;

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::live::Live;
 use crate::pipeline::{self, GoOn, PriorOptions, Resumed, TrainJob, profile_tables};
 use crate::report::evaluation_table;
-use crate::run::{Evaluation, RunDir};
+use crate::run::{Evaluation, RunDir, VirtualImages};
 use crate::scene::{CloudSource, SceneSource};
 
 const EXAMPLES: &str = "\
@@ -22,6 +22,7 @@ Examples:
   gspotential train --scene scenes/garden --max-size 320 --iterations 1000
   gspotential train --scene scenes/garden --preset 3dgs --out runs/baseline
   gspotential train --set views.count=64 --set loss.ssim_weight=0.3
+  gspotential train --virtual-images repaired          images made of those that `render` wrote
   gspotential train --resume runs/garden
   gspotential train --watch                            and look on in the browser
 
@@ -114,6 +115,20 @@ pub(crate) struct TrainArgs {
     cloud: Option<CloudSource>,
 
     /// Measure at the test views every N iterations, too, for the curve in metrics.json; training
+    /// Images that virtual views show in place of the cloud, under the names that `render` gave them; a view without an
+    /// image keeps what it has, and a camera of views.json beside them that the run lacks becomes one more view
+    #[arg(long, value_name = "DIR")]
+    virtual_images: Option<PathBuf>,
+
+    /// Multiply the weight of those views by W
+    #[arg(
+        long,
+        value_name = "W",
+        requires = "virtual_images",
+        default_value_t = 1.0
+    )]
+    virtual_images_weight: f64,
+
     /// itself stays as it is, bit for bit
     #[arg(long, value_name = "N")]
     eval_every: Option<NonZeroU32>,
@@ -130,7 +145,7 @@ pub(crate) struct TrainArgs {
     /// may be said again
     #[arg(long, value_name = "RUN", conflicts_with_all = [
         "scene", "photographs", "weights", "out", "preset", "config", "settings", "iterations", "gaussians", "budget", "tolerance", "max_size", "max_points",
-        "seed", "refine_poses", "train_views", "test_views", "cloud", "eval_every", "overwrite",
+        "seed", "refine_poses", "train_views", "test_views", "cloud", "virtual_images", "eval_every", "overwrite",
         "dry_run",
     ])]
     resume: Option<PathBuf>,
@@ -194,6 +209,7 @@ impl TrainArgs {
                 None => None,
             },
             train_views: self.train_views,
+            virtual_images: virtual_images(self.virtual_images, self.virtual_images_weight)?,
             test_views: self.test_views,
             eval_every: self.eval_every.map(NonZeroU32::get),
             checkpoint_every,
@@ -287,6 +303,28 @@ fn make_scene(photographs: &Path, weights: Option<PathBuf>) -> Result<PathBuf> {
 }
 
 fn check_names(option: &str, names: Option<&[String]>) -> Result<()> {
+/// Returns the images that virtual views show, their folder made absolute.
+fn virtual_images(folder: Option<PathBuf>, weight: f64) -> Result<Option<VirtualImages>> {
+    let Some(folder) = folder else {
+        return Ok(None);
+    };
+    if !(weight.is_finite() && weight > 0.0) {
+        return Err(Error::usage(format!(
+            "--virtual-images-weight is {weight}, but must be above 0"
+        )));
+    }
+    let absolute = folder.canonicalize().map_err(|e| {
+        Error::new(format!("cannot open the images of virtual views: {e}")).at_path(&folder)
+    })?;
+    if !absolute.is_dir() {
+        return Err(Error::usage("is not a folder").at_path(&folder));
+    }
+    Ok(Some(VirtualImages {
+        folder: absolute.display().to_string(),
+        weight,
+    }))
+}
+
     let names = names.unwrap_or_default();
     for (i, name) in names.iter().enumerate() {
         if name.is_empty() {

@@ -62,7 +62,10 @@ pub fn dry_run(job: &TrainJob) -> Result<DryRun> {
         log::warn!("{warning}");
     }
     let begin = Instant::now();
-    let prepared = prepare(&scene, config, &mut Seconds::default())?;
+    let mut prepared = prepare(&scene, config, &mut Seconds::default())?;
+    if let Some(images) = &job.virtual_images {
+        prepared.take_images(&scene, images)?;
+    }
     for warning in &prepared.warnings {
         log::warn!("{warning}");
     }

@@ -5,7 +5,7 @@ use super::moved::thumbnail;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::live::Live;
-use crate::run::SceneRecord;
+use crate::run::{SceneRecord, VirtualImages};
 use crate::scene::{CloudSource, LoadOptions, Scene, SceneSource, View};
 
 /// A single training view has no pseudo-focus to put virtual views around.
@@ -24,6 +24,8 @@ pub struct TrainJob {
     pub overlap: bool,
     /// The cloud to take; `None`: the scene's own.
     pub cloud: Option<CloudSource>,
+    /// Images from outside that virtual views show; `None`: none.
+    pub virtual_images: Option<VirtualImages>,
     /// The resolved config.
     pub config: Config,
     /// Iterations between two points of the curve in `metrics.json`; `None`: no curve.
@@ -50,6 +52,7 @@ impl TrainJob {
             test_views: None,
             overlap: false,
             cloud: None,
+            virtual_images: None,
             config,
             eval_every: None,
             checkpoint_every: None,
@@ -68,6 +71,7 @@ impl TrainJob {
             test_views: Some(record.test_views.clone()),
             overlap: record.n_test_trained > 0,
             cloud: cloud_of(record)?,
+            virtual_images: record.virtual_images.clone(),
             ..Self::new(record.source.parse()?, config)?
         })
     }
@@ -131,6 +135,7 @@ pub(super) fn record(scene: &Scene, job: &TrainJob) -> SceneRecord {
                 .map(thumbnail)
                 .collect(),
         ),
+        virtual_images: job.virtual_images.clone(),
         carved_points: None,
         pose_protocol: scene.pose_protocol,
     }

@@ -21,6 +21,7 @@ mod posed;
 mod prepare;
 mod profile;
 mod render;
+mod returned;
 mod start;
 mod train;
 mod view;

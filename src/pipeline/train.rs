@@ -68,7 +68,10 @@ pub fn train(
         checkpoint_every: job.checkpoint_every,
     })?;
     let mut files_s = clock.lap();
-    let prepared = prepare(scene, &job.config, &mut seconds)?;
+    let mut prepared = prepare(scene, &job.config, &mut seconds)?;
+    if let Some(images) = &job.virtual_images {
+        prepared.take_images(scene, images)?;
+    }
     clock.lap();
     let config = fitted(&job.config, gpu, prepared.start.len())?;
     let given = job.config.need.iteration_s;

@@ -107,6 +107,8 @@ impl Planned {
                 "its cloud is {}",
                 cloud.unwrap_or("the scene's own")
             ))
+        } else if there.virtual_images != job.virtual_images {
+            Some("its virtual views show other images".to_owned())
         } else if other(&job.train_views, &there.train_views) {
             Some("it has other training views".to_owned())
         } else if other(&job.test_views, &there.test_views) {

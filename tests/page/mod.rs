@@ -138,6 +138,7 @@ pub(crate) fn metrics(name: &str) -> Metrics {
             n_points: 1,
             cloud_crc32: None,
             thumbnails: None,
+            virtual_images: None,
             carved_points: None,
             pose_protocol: PoseProtocol::SharedFrame,
         },
