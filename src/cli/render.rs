@@ -45,7 +45,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "FILE.ply", required_unless_present = "of_run")]
     model: Option<PathBuf>,
 
-    /// Take the cameras of this scene folder, or of `builtin[:WIDTH]`
+    /// Take the cameras of this scene folder, or of `builtin[:WIDTH]` or `builtin:object[:WIDTH]`
     #[arg(long, value_name = "DIR", group = "where")]
     scene: Option<SceneSource>,
 

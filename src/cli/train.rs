@@ -36,7 +36,8 @@ then the options of their own (--iterations, --gaussians, --max-size, --max-poin
 #[command(after_help = EXAMPLES)]
 pub(crate) struct TrainArgs {
     /// Scene folder, as COLMAP, VGGT, MASt3R, InstantSplat, GaussianObject, nerfstudio or
-    /// instant-ngp write it, or `builtin[:WIDTH]` for the scene that the program makes itself
+    /// instant-ngp write it, or `builtin[:WIDTH]` for the scene that the program makes itself, or
+    /// `builtin:object[:WIDTH]` for its object with masks
     #[arg(long, value_name = "DIR", default_value = "builtin")]
     scene: SceneSource,
 
@@ -114,7 +115,6 @@ pub(crate) struct TrainArgs {
     #[arg(long, value_name = "FILE")]
     cloud: Option<CloudSource>,
 
-    /// Measure at the test views every N iterations, too, for the curve in metrics.json; training
     /// Images that virtual views show in place of the cloud, under the names that `render` gave them; a view without an
     /// image keeps what it has, and a camera of views.json beside them that the run lacks becomes one more view
     #[arg(long, value_name = "DIR")]
@@ -129,6 +129,7 @@ pub(crate) struct TrainArgs {
     )]
     virtual_images_weight: f64,
 
+    /// Measure at the test views every N iterations, too, for the curve in metrics.json; training
     /// itself stays as it is, bit for bit
     #[arg(long, value_name = "N")]
     eval_every: Option<NonZeroU32>,
@@ -208,8 +209,8 @@ impl TrainArgs {
                 Some(cloud) => Some(cloud.resolved(&job.source)?),
                 None => None,
             },
-            train_views: self.train_views,
             virtual_images: virtual_images(self.virtual_images, self.virtual_images_weight)?,
+            train_views: self.train_views,
             test_views: self.test_views,
             eval_every: self.eval_every.map(NonZeroU32::get),
             checkpoint_every,
@@ -302,7 +303,6 @@ fn make_scene(photographs: &Path, weights: Option<PathBuf>) -> Result<PathBuf> {
     Ok(scene)
 }
 
-fn check_names(option: &str, names: Option<&[String]>) -> Result<()> {
 /// Returns the images that virtual views show, their folder made absolute.
 fn virtual_images(folder: Option<PathBuf>, weight: f64) -> Result<Option<VirtualImages>> {
     let Some(folder) = folder else {
@@ -325,6 +325,7 @@ fn virtual_images(folder: Option<PathBuf>, weight: f64) -> Result<Option<Virtual
     }))
 }
 
+fn check_names(option: &str, names: Option<&[String]>) -> Result<()> {
     let names = names.unwrap_or_default();
     for (i, name) in names.iter().enumerate() {
         if name.is_empty() {

@@ -126,6 +126,7 @@ pub fn load_scene(source: &SceneSource, options: &LoadOptions) -> Result<Scene> 
     match source {
         SceneSource::Folder(folder) => scene::load(folder, options),
         SceneSource::Builtin { width } => scene::load_builtin(*width, options),
+        SceneSource::Object { width } => scene::load_object(*width, options),
     }
 }
 

@@ -40,7 +40,7 @@ use crate::config::{Config, OutsideMask};
 
 pub use cloud::{random_like, read_cloud, thin};
 pub use formats::other_clouds;
-pub use load::{load, load_builtin};
+pub use load::{load, load_builtin, load_object};
 pub use origin::n_cloud_views;
 pub use photographs::{Photograph, PhotographFile, find_photographs, read_photograph};
 pub use protocol::PoseProtocol;

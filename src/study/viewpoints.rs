@@ -69,16 +69,16 @@ impl Setting {
         self.field.u_conf(direction).to_degrees()
     }
 
-    /// Returns views all over the sphere if the truth is at hand, as it is for the built-in scene:
+    /// Returns views all over the sphere if the truth is at hand, as it is for the built-in still life:
     /// of `n` directions, those outside objects and above the floor. For other scenes it returns
     /// the test views.
     ///
     /// # Errors
     /// No training camera to take the intrinsics from.
     pub(crate) fn viewpoints(&self, n: usize) -> Result<Vec<View>> {
-        if let SceneSource::Folder(_) = self.job.source {
+        let SceneSource::Builtin { .. } = self.job.source else {
             return Ok(self.scene.test.clone());
-        }
+        };
         let mut config = self.job.config.clone();
         config.field.n_candidates = n;
         let train = cameras(&self.scene.train);
