@@ -176,7 +176,21 @@ fn presets_of_other_systems_differ_from_the_baseline_in_what_their_sources_say()
         "dropout.rate_end=0.5",
         "dropout.rate_start=0.05",
     ];
-    assert_eq!(told("d2gs"), [&slow[..], &guided, &ssim].concat());
+    let far = ["loss.far_weight=0.8333333333333334"];
+    assert_eq!(told("d2gs"), [&slow[..], &guided, &far, &ssim].concat());
+    assert_eq!(
+        told("gaussianobject"),
+        [
+            "densify.max_gaussians=3000000",
+            "densify.opacity_reset_interval=1000",
+            "densify.outlier_interval=500",
+            "loss.silhouette_weight=0.01",
+            "model.background=[1.0,1.0,1.0]",
+            "model.sh_degree=2",
+            "model.start=\"hull\"",
+            "optimizer.mean_lr_end=0.00003447",
+        ]
+    );
 }
 
 /// Table 2 of the paper: what each row has that the row under it in the list lacks.

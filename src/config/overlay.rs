@@ -34,6 +34,10 @@ pub const PRESETS: &[(&str, &str)] = &[
     ),
     ("d2gs", include_str!("../../configs/d2gs.json")),
     (
+        "gaussianobject",
+        include_str!("../../configs/gaussianobject.json"),
+    ),
+    (
         "ablation-virtual",
         include_str!("../../configs/ablation/virtual.json"),
     ),

@@ -259,6 +259,8 @@ choice! {
 section! {
     /// The Gaussians at the start.
     struct ModelConfig {
+        /// What the first Gaussians are made of.
+        start: Start = Start::Cloud, any();
         /// Highest spherical-harmonics degree, 0 to 3.
         sh_degree: u32 = 3, within(0.0, 3.0);
         /// The active degree rises by one every so many iterations.
@@ -270,6 +272,16 @@ section! {
         near: f64 = 0.01, between(0.0, 1.0);
         /// Background colour of renders, RGB in [0, 1].
         background: [f64; 3] = [0.0; 3], within(0.0, 1.0);
+    }
+}
+
+choice! {
+    /// What the first Gaussians are made of.
+    enum Start {
+        /// The points of the cloud.
+        Cloud = "cloud",
+        /// The visual hull of the photographs' masks (GaussianObject, Yang et al. 2024).
+        Hull = "hull",
     }
 }
 
@@ -297,6 +309,12 @@ section! {
         /// their colour is filled in from around. Rounded to a multiple of 1/255; 0: ignored, as the
         /// paper does.
         fill_weight: f64 = 0.0, within(0.0, 1.0);
+        /// Weight of a second L1 loss, the mean over the farthest twentieth of a photograph's pixels, by the
+        /// depth of the cloud's nearest point in each (D2GS, Song et al. 2026).
+        far_weight: f64 = 0.0, at_least(0.0);
+        /// Weight of the mean binary cross-entropy between a render's opacity and the mask of a photograph
+        /// whose subject is cut out (GaussianObject, Yang et al. 2024); others have none.
+        silhouette_weight: f64 = 0.0, at_least(0.0);
     }
 }
 
@@ -309,12 +327,6 @@ section! {
         /// out of both views' renders with this probability, and the opacity of the others is
         /// divided by one less it (DropGaussian, Park et al. 2025). The file needs no correction.
         rate_end: f64 = 0.0, from_below(0.0, 1.0);
-        /// Weight of a second L1 loss, the mean over the farthest twentieth of a photograph's pixels, by the
-        /// depth of the cloud's nearest point in each (D2GS, Song et al. 2026).
-        far_weight: f64 = 0.0, at_least(0.0);
-        /// Weight of the mean binary cross-entropy between a render's opacity and the mask of a photograph
-        /// whose subject is cut out (GaussianObject, Yang et al. 2024); others have none.
-        silhouette_weight: f64 = 0.0, at_least(0.0);
         /// Above 0 here or below, each Gaussian has a share of its own in that probability: this times
         /// its nearness to the camera, 0 to 1, and, all of it, times 0.7 and 0.3 in the middle and far
         /// third; the others keep their opacity (D2GS, Song et al. 2026).
@@ -353,6 +365,10 @@ section! {
         mean_lr_start: f64 = 1.6e-4, positive().unit("camera extents");
         /// Learning rate of positions at the end; in between it falls exponentially.
         mean_lr_end: f64 = 1.6e-6, positive().unit("camera extents");
+        /// The rate of a position is multiplied by 1 plus this times `1 - sigmoid(c)`, `c` the confidence
+        /// of its point of the cloud, above 1 as DUSt3R has it (InstantSplat, Fan et al. 2024); Gaussians
+        /// that come of others have theirs. 0: all positions have the same rate.
+        confidence_gain: f64 = 0.0, at_least(0.0);
         /// Learning rate of colours of degree 0; higher degrees take a twentieth.
         sh_lr: f64 = 2.5e-3, at_least(0.0);
         /// Learning rate of opacity logits.
@@ -365,10 +381,6 @@ section! {
         beta1: f64 = 0.9, from_below(0.0, 1.0);
         /// Adam's decay of the mean squared gradient.
         beta2: f64 = 0.999, from_below(0.0, 1.0);
-        /// The rate of a position is multiplied by 1 plus this times `1 - sigmoid(c)`, `c` the confidence
-        /// of its point of the cloud, above 1 as DUSt3R has it (InstantSplat, Fan et al. 2024); Gaussians
-        /// that come of others have theirs. 0: all positions have the same rate.
-        confidence_gain: f64 = 0.0, at_least(0.0);
         /// Adam's epsilon.
         epsilon: f64 = 1e-15, positive();
     }
@@ -403,6 +415,9 @@ section! {
         opacity_reset_interval: u32 = 3000, within(1.0, U32).unit("iterations");
         /// Opacities are not reset after this iteration.
         opacity_reset_end: u32 = 6000, any().unit("iterations");
+        /// Gaussians that lie apart from all others go every so many iterations while it densifies
+        /// (GaussianObject, Yang et al. 2024); null: none.
+        outlier_interval: Option<u32> = None, within(1.0, U32).unit("iterations");
         /// Gaussians are not cloned or split beyond this number.
         max_gaussians: usize = 5_000_000, within(1.0, U32);
     }

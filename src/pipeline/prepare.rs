@@ -8,9 +8,10 @@ use super::{Clock, cameras, focus_of, marks};
 use crate::camera::{Camera, Frame};
 use crate::cloud::agreement::Agreement;
 use crate::cloud::carve::{Carved, carve};
+use crate::cloud::hull::visual_hull;
 use crate::cloud::splat::{SplatImage, fill_holes, splat_where};
 use crate::cloud::visibility::{Visibility, candidate_shares};
-use crate::config::{Config, VisibilityConfig};
+use crate::config::{Config, Start, VisibilityConfig};
 use crate::error::Result;
 use crate::field::{Coverage, Field, Focus, Outlook, fibonacci_sphere};
 use crate::gaussians::Gaussians;
@@ -79,12 +80,21 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     let goals = splatted(cloud, &frame, cameras, fill_weight, config)?;
     seconds.splat = Some(clock.lap());
 
-    let thinned = thin(cloud, n_start(scene, config), config.seed);
+    let hull = match config.model.start {
+        Start::Hull => Some(visual_hull(&scene.train, &frame)?),
+        Start::Cloud => None,
+    };
+    let n_start = match &hull {
+        Some(hull) => config.scene.max_points.unwrap_or(hull.len()),
+        None => n_start(scene, config),
+    };
+    let thinned = thin(hull.as_ref().unwrap_or(cloud), n_start, config.seed);
     let mut start = Gaussians::from_cloud(&thinned, &frame, &config.model)?;
     let shell = Shell::around(&start, &config.shell).filter(|_| !is_cut_out(scene));
     if let Some(shell) = shell {
         start.extend(shell.gaussians(mean_color(&scene.train), config.model.sh_degree));
     }
+    let position_gains = position_gains(&thinned, start.len(), config);
     let outlook = Outlook::of(&train_cameras, &focus);
     let mut warnings: Vec<String> = focus.fallback.into_iter().collect();
     warnings.extend(outlook.warning(&train_cameras));
@@ -94,7 +104,13 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
             "the subject is cut out by its masks: no far shell and no filled holes".to_owned(),
         );
     }
-    let position_gains = position_gains(&thinned, start.len(), config);
+    if config.optimizer.confidence_gain > 0.0 && thinned.confidence.is_none() {
+        warnings.push(
+            "the cloud has no confidences: all positions learn at the same rate, whatever \
+             optimizer.confidence_gain says"
+                .to_owned(),
+        );
+    }
     let spread = spread(&train_cameras, &frame);
     if spread < MIN_SPREAD {
         warnings.push(
@@ -104,13 +120,6 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
         );
     }
     if virtual_views.len() < config.views.count && config.views.within_deg.is_none() {
-    if config.optimizer.confidence_gain > 0.0 && thinned.confidence.is_none() {
-        warnings.push(
-            "the cloud has no confidences: all positions learn at the same rate, whatever \
-             optimizer.confidence_gain says"
-                .to_owned(),
-        );
-    }
         warnings.push(format!(
             "{} virtual views instead of {} (views.count): no other candidate reaches \
              views.visibility.min_share, {}",
@@ -121,6 +130,7 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     }
     let mut supervision = Supervision {
         shell,
+        position_gains,
         ..supervision(
             scene,
             (&frame, spread),
@@ -130,7 +140,8 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
             config,
         )
     };
-        position_gains,
+    supervision.real = marks::marked(supervision.real, scene, (cloud, &frame), config)?;
+    warnings.extend(marks::warning(&supervision.real, config));
     if config.need.ends && config.need.hold_out > 0 && supervision.held_out.is_empty() {
         warnings.push(format!(
             "no virtual view is held out, so that nothing ends training early: there are {}, and one \
@@ -140,8 +151,6 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
         ));
     }
     seconds.gaussians = Some(clock.lap());
-    supervision.real = marks::marked(supervision.real, scene, (cloud, &frame), config)?;
-    warnings.extend(marks::warning(&supervision.real, config));
     Ok(Prepared {
         supervision,
         warnings,
@@ -162,15 +171,6 @@ pub fn n_start(scene: &Scene, config: &Config) -> usize {
     wanted.min(scene.cloud.len())
 }
 
-/// Returns whether the subject stands before the background colour: then nothing lies beyond it.
-fn is_cut_out(scene: &Scene) -> bool {
-    scene.train.iter().any(View::is_cut_out)
-}
-
-/// Carves the scene's cloud if `config` asks for it.
-pub(super) fn carved(scene: &Scene, frame: &Frame, config: &Config) -> Result<Option<Carved>> {
-    let near = frame.near(config.model.near);
-    config
 /// Returns what is added to 1 for the factor of each position's learning rate, for the Gaussians of
 /// `cloud` and those beyond, `n` in all; nothing if all have the same.
 fn position_gains(cloud: &PointCloud, n: usize, config: &Config) -> Vec<f32> {
@@ -185,6 +185,15 @@ fn position_gains(cloud: &PointCloud, n: usize, config: &Config) -> Vec<f32> {
     gains
 }
 
+/// Returns whether the subject stands before the background colour: then nothing lies beyond it.
+fn is_cut_out(scene: &Scene) -> bool {
+    scene.train.iter().any(View::is_cut_out)
+}
+
+/// Carves the scene's cloud if `config` asks for it.
+pub(super) fn carved(scene: &Scene, frame: &Frame, config: &Config) -> Result<Option<Carved>> {
+    let near = frame.near(config.model.near);
+    config
         .carve
         .enabled
         .then(|| carve(&scene.cloud, frame, &scene.train, &config.carve, near))
@@ -275,6 +284,7 @@ fn supervision(
         held_out,
         coverage,
         shell: None,
+        position_gains: Vec::new(),
     }
 }
 
@@ -284,7 +294,6 @@ fn held_out(views: Vec<TrainingView>, one_in: usize) -> (Vec<TrainingView>, Vec<
     let is_held_out = |i: usize, view: &TrainingView| {
         one_in > 0 && i % one_in == one_in - 1 && view.goal.has_opaque()
     };
-        position_gains: Vec::new(),
     let (mut held_out, mut others) = (Vec::new(), Vec::with_capacity(views.len()));
     for (i, view) in views.into_iter().enumerate() {
         match is_held_out(i, &view) {

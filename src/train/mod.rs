@@ -19,6 +19,7 @@ pub mod length;
 mod lower;
 pub mod observer;
 pub mod optimizer;
+pub mod outliers;
 pub mod policy;
 pub mod pose_adam;
 mod poses;

@@ -40,6 +40,9 @@ pub struct PlanCounts {
     pub pruned_size: usize,
     /// Gaussians removed by the paper's coverage-aware rule: `a_i` is above `tau_i`.
     pub pruned_anisotropy: usize,
+    /// Gaussians removed because they lie apart from all others.
+    #[serde(default)]
+    pub pruned_outliers: usize,
     /// Gaussians removed because they contribute least to the views.
     #[serde(default)]
     pub pruned_contribution: usize,

@@ -115,6 +115,13 @@ pub fn resets_opacity(config: &Config, done: u32) -> bool {
         && due(config, done, densify.opacity_reset_interval)
 }
 
+/// Returns whether Gaussians that lie apart are removed after `done` iterations (GaussianObject).
+pub fn removes_outliers(config: &Config, done: u32) -> bool {
+    let densify = &config.densify;
+    let is_due = |interval| due(config, done, interval);
+    densify.enabled && done < densify.end && densify.outlier_interval.is_some_and(is_due)
+}
+
 /// Returns whether a change of the set that comes every `interval` iterations follows after `done`.
 /// None follows the last iteration: no step would train what it leaves, and 3DGS saves before it.
 fn due(config: &Config, done: u32, interval: u32) -> bool {

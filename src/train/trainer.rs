@@ -186,7 +186,8 @@ impl<'a> Trainer<'a> {
             done += 1;
             let changes = schedule::densifies(config, done)
                 || schedule::prunes_by_coverage(config, done)
-                || schedule::resets_opacity(config, done);
+                || schedule::resets_opacity(config, done)
+                || schedule::removes_outliers(config, done);
             let looks =
                 changes || done.is_multiple_of(LOOK_INTERVAL) || done == self.settling.until;
             let keeps = observer.keeps(done);
@@ -370,6 +371,9 @@ impl<'a> Trainer<'a> {
                 RESET_OPACITY,
                 self.supervision.frozen_beyond(),
             );
+        }
+        if schedule::removes_outliers(config, done) {
+            self.remove_outliers(done)?;
         }
         self.seconds.densify += clock.elapsed().as_secs_f64();
         Ok(())
