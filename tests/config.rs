@@ -69,7 +69,7 @@ fn the_reference_page_is_the_declaration() {
 fn the_reference_tells_values_units_words_ranges_and_the_papers_names() {
     let text = reference().unwrap();
     for line in [
-        "- `iterations` = 700, 400 in `fast`, 1000 in `instantsplat`, 10000 in all others.",
+        "- `iterations` = 700, 400 in `fast`, 1000 in `instantsplat`, 30000 in `corgs`, 10000 in all others.",
         "### `views.visibility`",
         "`U_total`. Allowed: a finite number, 0 or more. Paper: lambda, Eq. 4.",
         "Choices: `pixel`, `disc`.",
@@ -176,6 +176,19 @@ fn presets_of_other_systems_differ_from_the_baseline_in_what_their_sources_say()
         "dropout.rate_start=0.05",
     ];
     assert_eq!(told("d2gs"), [&slow[..], &guided, &ssim].concat());
+    assert_eq!(
+        told("corgs"),
+        [
+            "densify.end=15000",
+            "densify.gradient_threshold=0.0005",
+            "densify.max_scale=1000000000.0",
+            "densify.opacity_reset_end=15000",
+            "iterations=30000",
+            "loss.random_background=true",
+            "model.sh_interval=500",
+            "partner.enabled=true",
+        ]
+    );
 }
 
 /// Table 2 of the paper: what each row has that the row under it in the list lacks.
@@ -327,6 +340,27 @@ fn faulty_config_files_are_named_with_line_or_key() {
 }
 
 #[test]
+fn a_partner_goes_with_none_of_what_it_has_no_place_for() {
+    let partner = Config::preset("corgs").unwrap();
+    for (setting, key) in [
+        ("views.count=1", "`views.count`"),
+        ("poses.refine=true", "`poses.refine`"),
+        ("dropout.depth_weight=0.1", "`dropout.depth_weight`"),
+        ("dropout.density_weight=0.1", "`dropout.density_weight`"),
+    ] {
+        let config = partner.set(setting).unwrap();
+        assert_refused(config.validate(), &[key, "with partner.enabled"]);
+        let single = config.set("partner.enabled=false").unwrap();
+        single.validate().unwrap();
+    }
+    partner
+        .set("dropout.rate_end=0.5")
+        .unwrap()
+        .validate()
+        .unwrap();
+}
+
+#[test]
 fn resolved_config_reads_back_as_it_was() {
     let config = Config::preset("3dgs")
         .unwrap()
@@ -380,6 +414,9 @@ fn values_out_of_range_are_refused_with_key_and_value() {
         "dropout.rate_end=1",
         "dropout.depth_weight=1.1",
         "dropout.density_weight=-0.1",
+        "partner.weight=-1",
+        "partner.prune_interval=0",
+        "partner.prune_distance=0",
         "poses.turn_lr=-1",
         "poses.shift_lr=1",
         "poses.rate_left=0",

@@ -3,6 +3,7 @@
 mod agreement;
 mod align;
 mod architecture;
+mod background;
 mod builtin;
 mod cameras_json;
 mod carve;
@@ -33,6 +34,7 @@ mod metrics;
 mod moved;
 mod need;
 mod page;
+mod partner;
 mod peers;
 mod plot;
 mod policy;

@@ -41,6 +41,7 @@ fn buffers_take_what_was_predicted_to_the_byte() {
         ("3dgs", 1),
         ("3dgs", 0),
         ("gspotential", 0),
+        ("corgs", 1),
     ];
     for (preset, sh_degree) in cases {
         let mut config = config(preset, sh_degree);
@@ -82,13 +83,22 @@ fn buffers_take_what_was_predicted_to_the_byte() {
 #[test]
 fn growing_holds_the_old_and_the_new_together_nowhere() {
     let _alone = context();
-    let mut config = config("paper", 3);
+    for preset in ["paper", "corgs"] {
+        grow(preset);
+    }
+}
+
+fn grow(preset: &str) {
+    let mut config = config(preset, 3);
     config.iterations = 60;
     config.densify.enabled = true;
     config.densify.start = 10;
     config.densify.interval = 10;
     config.densify.gradient_threshold = 0.0;
     config.densify.max_gaussians = 9000;
+    config.partner.start = 5;
+    config.partner.prune_interval = 15;
+    config.partner.prune_distance = 0.02;
     let (scene, prepared) = prepared(&config);
     let gpu = Gpu::open().expect("an adapter");
     let kernels = Kernels::new(&gpu);

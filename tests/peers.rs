@@ -17,10 +17,11 @@ fn presets_of_other_systems_train_on_the_built_in_scene() {
         ..BuiltinOptions::default()
     });
     let ctx = context();
-    for name in ["instantsplat", "dropgaussian", "d2gs"] {
+    for name in ["instantsplat", "dropgaussian", "d2gs", "corgs"] {
         let mut config = Config::preset(name).expect("a preset");
         config.iterations = 40;
         config.scene.max_points = Some(500);
+        config.partner.start = 20;
         let prepared = prepare(&scene, &config, &mut Seconds::default()).expect("prepares");
         let (start, supervision) = (&prepared.start, &prepared.supervision);
         assert!(supervision.virtual_views.is_empty());
@@ -30,6 +31,9 @@ fn presets_of_other_systems_train_on_the_built_in_scene() {
         let l1 = |k: usize| trained.samples[k].real.l1;
         assert!(l1(3) < l1(0), "{name}: {} {}", l1(0), l1(3));
         assert_eq!(trained.gaussians.n_broken(), 0);
+        let n_virtual = trained.samples.iter().filter(|s| s.virt.is_some()).count();
+        let n_expected = if name == "corgs" { 2 } else { 0 };
+        assert_eq!(n_virtual, n_expected, "{name}");
         let moved = trained.cameras.iter().zip(&supervision.real);
         let moved = moved.filter(|(after, view)| **after != view.camera).count();
         let n_moved = if name == "instantsplat" { 4 } else { 0 };

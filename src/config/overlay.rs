@@ -33,6 +33,7 @@ pub const PRESETS: &[(&str, &str)] = &[
         include_str!("../../configs/dropgaussian.json"),
     ),
     ("d2gs", include_str!("../../configs/d2gs.json")),
+    ("corgs", include_str!("../../configs/corgs.json")),
     (
         "ablation-virtual",
         include_str!("../../configs/ablation/virtual.json"),

@@ -49,6 +49,9 @@ pub fn summary(preset: &str) -> &'static str {
         "d2gs" => {
             "D2GS's settings: as dropgaussian, guided by depth and density; no far-field loss"
         }
+        "corgs" => {
+            "CoR-GS's settings: two sets of Gaussians that learn from each other, random backgrounds"
+        }
         "ablation-virtual" => {
             "ablation: virtual views between photographs, no field, no coverage rules"
         }

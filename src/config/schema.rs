@@ -2,11 +2,11 @@
 //!
 //! Lengths are relative to the sphere radius `R`. The defaults are the preset `paper`.
 
-use super::NeedConfig;
 use super::declare::{
     above_to, any, at_least, between, choice, from_below, odd_window, positive, section, within,
     zero_or,
 };
+use super::{NeedConfig, PartnerConfig};
 
 /// The most that a `u32` holds.
 const U32: f64 = u32::MAX as f64;
@@ -41,6 +41,8 @@ section! {
         loss: LossConfig = LossConfig::default(), any();
         /// Dropout of Gaussians in training.
         dropout: DropoutConfig = DropoutConfig::default(), any();
+        /// A second set of Gaussians that is trained beside the first.
+        partner: PartnerConfig = PartnerConfig::default(), any();
         /// Refinement of the training cameras' poses.
         poses: PosesConfig = PosesConfig::default(), any();
         /// Adam with 3DGS's learning rates.
@@ -297,6 +299,9 @@ section! {
         /// their colour is filled in from around. Rounded to a multiple of 1/255; 0: ignored, as the
         /// paper does.
         fill_weight: f64 = 0.0, within(0.0, 1.0);
+        /// Renders have a background colour drawn anew in each iteration instead of `model.background`, and so has a
+        /// photograph around a cut-out subject: no gap between Gaussians can pass for that colour.
+        random_background: bool = false, any();
     }
 }
 

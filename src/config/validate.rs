@@ -22,7 +22,8 @@ impl Config {
             }
         }
         self.validate_orders()?;
-        self.validate_pairs()
+        self.validate_pairs()?;
+        self.validate_partner()
     }
 
     /// Returns every section and key with its value, in the order of the declaration.
@@ -55,6 +56,38 @@ impl Config {
         ordered(
             ("views.count", self.views.count),
             ("field.n_candidates", self.field.n_candidates),
+        )
+    }
+
+    /// Refuses what a partner has no place for: each set learns from two views an iteration at most, and holds the cameras.
+    fn validate_partner(&self) -> Result<()> {
+        if !self.partner.enabled {
+            return Ok(());
+        }
+        let without = |what| format!("{what} with partner.enabled");
+        ensure(
+            self.views.count == 0,
+            "views.count",
+            self.views.count,
+            without("0"),
+        )?;
+        ensure(
+            !self.poses.refine,
+            "poses.refine",
+            self.poses.refine,
+            without("false"),
+        )?;
+        ensure(
+            self.dropout.depth_weight == 0.0,
+            "dropout.depth_weight",
+            self.dropout.depth_weight,
+            without("0"),
+        )?;
+        ensure(
+            self.dropout.density_weight == 0.0,
+            "dropout.density_weight",
+            self.dropout.density_weight,
+            without("0"),
         )
     }
 

@@ -14,6 +14,7 @@ mod table;
 pub mod adam;
 pub mod changes;
 pub mod determinism;
+pub mod exchange;
 pub mod forward;
 pub mod host;
 pub mod image;
@@ -200,6 +201,9 @@ pub fn examine_kernels(ctx: &Context) -> Result<Vec<Finding>> {
     }
     findings.extend(adam::examine(ctx, 1, 2, adam::FROZEN_BEYOND)?.list);
     findings.extend(changes::examine_reset(ctx, 70)?.list);
+    for size in [(33, 17), (64, 48)] {
+        findings.extend(exchange::examine(ctx, size)?.list);
+    }
     Ok(findings)
 }
 

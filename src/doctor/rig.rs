@@ -18,6 +18,7 @@ use crate::render::{
 };
 use crate::train::guide::Guide;
 use crate::train::optimizer::OptimizerKernels;
+use crate::train::partner::exchange::ExchangeKernels;
 
 /// An adapter with every kernel.
 pub struct Context {
@@ -29,6 +30,8 @@ pub struct Context {
     pub optimizer: OptimizerKernels,
     /// Kernels of the gradient with respect to the camera's pose.
     pub pose: PoseKernels,
+    /// Kernels that hand over between two sets of Gaussians.
+    pub exchange: ExchangeKernels,
 }
 
 impl Context {
@@ -44,6 +47,7 @@ impl Context {
             kernels: Kernels::from_sources(rasterizer, sources),
             optimizer: OptimizerKernels::from_sources(sources),
             pose: PoseKernels::from_sources(sources),
+            exchange: ExchangeKernels::from_sources(sources),
             gpu,
         }
     }
@@ -146,6 +150,11 @@ impl Rig {
 
     /// Returns the view's stages, to be recorded.
     pub fn pass<'a>(&'a self, ctx: &'a Context) -> Pass<'a> {
+        self.pass_in(ctx, 0)
+    }
+
+    /// Returns the stages of the view in this slot of a step.
+    pub fn pass_in<'a>(&'a self, ctx: &'a Context, slot: usize) -> Pass<'a> {
         Pass::new(
             &ctx.gpu,
             &ctx.kernels,
@@ -154,7 +163,7 @@ impl Rig {
             &self.model,
             self.view,
             PassStep {
-                slot: 0,
+                slot,
                 sh_degree: self.sh_degree,
                 number: 1,
             },
@@ -222,6 +231,22 @@ impl Rig {
     /// A GPU fault.
     pub fn read_rendered(&self, ctx: &Context) -> Result<Rendered> {
         read_rendered(&ctx.gpu, self.workspace.buffer("rendered"), &self.view)
+    }
+
+    /// Fills the target image of a slot with [`POISON`].
+    pub fn poison_goal(&self, ctx: &Context, slot: usize) {
+        let goal = self.workspace.of_slot("goal", slot);
+        goal.write(&ctx.gpu, &vec![POISON; goal.bytes() as usize / 4]);
+    }
+
+    /// Reads the target image of a slot, without its padding.
+    ///
+    /// # Errors
+    /// A GPU fault.
+    pub fn read_goal(&self, ctx: &Context, slot: usize) -> Result<Vec<u32>> {
+        let goal = self.workspace.of_slot("goal", slot);
+        let texels: Vec<u32> = goal.read(&ctx.gpu, 4 * self.view.plane_len())?;
+        Ok(self.pixels().map(|i| texels[i]).collect())
     }
 
     /// Reads the first three planes of an image buffer as interleaved pixels, without its padding.

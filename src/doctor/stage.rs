@@ -49,13 +49,15 @@ pub const ADAM: &str = "Adam";
 pub const REARRANGE: &str = "rearrange";
 /// Bounds opacities from above and clears their moments.
 pub const RESET_OPACITY: &str = "reset_opacity";
+/// Hands renders over to the set of Gaussians that is trained beside.
+pub const EXCHANGE: &str = "exchange";
 /// Finds the potentials `U_info` and `U_conf` of directions.
 pub const FIELD: &str = "field, on the CPU";
 /// Splats the point cloud into a camera.
 pub const POINT_SPLAT: &str = "point splat, on the CPU";
 
 /// Every stage, in the order of the flow.
-pub const ALL: [&str; 25] = [
+pub const ALL: [&str; 26] = [
     PROJECT,
     SCAN,
     SCAN_WORKGROUP,
@@ -79,6 +81,7 @@ pub const ALL: [&str; 25] = [
     ADAM,
     REARRANGE,
     RESET_OPACITY,
+    EXCHANGE,
     FIELD,
     POINT_SPLAT,
 ];

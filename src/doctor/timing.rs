@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::rig::{Context, Rig};
 use super::view::{TIMED_GAUSSIANS, TIMED_SIZE, ViewCase};
-use super::{adam, changes, loss, stage};
+use super::{adam, changes, exchange, loss, stage};
 use crate::doctor::twin::random::Random;
 use crate::error::Result;
 use crate::gpu::{Commands, Profile, Rasterizer};
@@ -218,7 +218,7 @@ pub fn time_losses(ctx: &Context) -> Result<(Vec<Timing>, f64)> {
     Ok((vec![plain, masked], plain.seconds))
 }
 
-/// Times Adam, and the changes of the set.
+/// Times Adam, what partners hand over, and the changes of the set.
 ///
 /// # Errors
 /// A GPU fault, or a case that the adapter cannot hold.
@@ -238,6 +238,13 @@ pub fn time_rest(ctx: &Context) -> Result<Vec<Timing>> {
         watch.keep(stage::ADAM, seconds);
     }
     let mut timings = vec![watch.timing(stage::ADAM, n, "Gaussians")];
+    let n_pixels = TIMED_SIZE.0 * TIMED_SIZE.1;
+    let pair = exchange::Pair::new(ctx, TIMED_SIZE)?;
+    for _ in 0..ROUNDS {
+        let seconds = watch.run(|commands| pair.hand_over(ctx, commands))?;
+        watch.keep(stage::EXCHANGE, seconds);
+    }
+    timings.push(watch.timing(stage::EXCHANGE, n_pixels, "pixels"));
     // Both submit themselves.
     let mut optimizer = optimizer;
     let plan = changes::random_plan(n, n, 3);

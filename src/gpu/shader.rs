@@ -57,6 +57,7 @@ pub const STAGES: &[(&str, &str)] = sources![
     "adam",
     "rearrange",
     "reset_opacity",
+    "exchange",
 ];
 
 /// A function that gives kernels the complete WGSL of a stage and an SH degree: [`compose`], or

@@ -130,6 +130,7 @@ fn gpu_memory_table(bytes: &TrainingBytes) -> Table {
         workspace,
         targets,
         poses,
+        partner,
         reading,
         densifying,
     } = *bytes;
@@ -167,6 +168,9 @@ fn gpu_memory_table(bytes: &TrainingBytes) -> Table {
         row("gradients of poses", &gaussians, poses);
     }
     row("uniforms", "", workspace.uniforms);
+    if partner > 0 {
+        row("the partner's own of these", &gaussians, partner);
+    }
     if densifying > reading {
         row(
             "densifying: the new set beside the old",

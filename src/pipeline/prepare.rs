@@ -234,10 +234,14 @@ fn supervision(
     goals: Vec<Goal>,
     config: &Config,
 ) -> Supervision {
+    let of = match config.loss.random_background {
+        true => TrainingView::before_any_background,
+        false => TrainingView::of,
+    };
     let real = scene
         .train
         .iter()
-        .map(|view| TrainingView::of(frame.camera_to_canonical(&view.camera), view));
+        .map(|view| of(frame.camera_to_canonical(&view.camera), view));
     let virtual_views = virtual_views.iter().zip(goals).map(|(view, goal)| {
         TrainingView::packed(frame.camera_to_canonical(&view.camera), goal, view.alpha)
     });

@@ -48,10 +48,34 @@ impl Totals {
     /// # Errors
     /// There are more pairs than can be counted, or the driver reports an overflow of what fits.
     pub fn room(&self, gpu: &Gpu) -> Result<Option<Capacity>> {
-        let capacity = self.capacity;
         if self.overflow_step == 0 {
             return Ok(None);
         }
+        match self.wanted(gpu)? {
+            room if room == self.capacity => Err(unexplained(gpu)),
+            room => Ok(Some(room)),
+        }
+    }
+
+    /// Returns the room that each of two workspaces needs whose steps go together, at least one of them more than it
+    /// has; `None` if both had room.
+    ///
+    /// # Errors
+    /// As [`Totals::room`].
+    pub fn rooms(both: [&Totals; 2], gpu: &Gpu) -> Result<Option<[Capacity; 2]>> {
+        if both.iter().all(|totals| totals.overflow_step == 0) {
+            return Ok(None);
+        }
+        let rooms = [both[0].wanted(gpu)?, both[1].wanted(gpu)?];
+        match rooms == both.map(|totals| totals.capacity) {
+            true => Err(unexplained(gpu)),
+            false => Ok(Some(rooms)),
+        }
+    }
+
+    /// Returns the room that the views asked for, where that is more than there is.
+    fn wanted(&self, gpu: &Gpu) -> Result<Capacity> {
+        let capacity = self.capacity;
         if self.max == u32::MAX as usize {
             return Err(
                 Error::new("a view has more than 2^32 (tile, Gaussian) pairs").way_out(
@@ -67,14 +91,15 @@ impl Totals {
             let slices = (self.longest + self.longest / 2).div_ceil(LIST_SLICE as usize);
             room.slices = room.slices.max(slices);
         }
-        if room == capacity {
-            let what = "the GPU reports that a step did not fit, and counts that cannot be";
-            return Err(Error::new(what)
-                .at(&gpu.info.name)
-                .way_out("run `gspotential doctor`"));
-        }
-        Ok(Some(room))
+        Ok(room)
     }
+}
+
+fn unexplained(gpu: &Gpu) -> Error {
+    let what = "the GPU reports that a step did not fit, and counts that cannot be";
+    Error::new(what)
+        .at(&gpu.info.name)
+        .way_out("run `gspotential doctor`")
 }
 
 /// Attempts at most. A view that fits at all has been given the room that it needs by then: the

@@ -162,6 +162,14 @@ impl ViewUniform {
         self
     }
 
+    /// Returns the same view before another background colour, RGB, where there is one.
+    pub fn before(mut self, background: Option<[f64; 3]>) -> ViewUniform {
+        if let Some(background) = background {
+            self.background = background.map(|c| c as f32);
+        }
+        self
+    }
+
     /// Returns the same view with every Gaussian's probability multiplied by its own share; the
     /// others keep their opacity (D2GS, Song et al. 2026).
     pub fn with_guided_dropout(mut self, share: DropShare) -> ViewUniform {

@@ -1,6 +1,7 @@
 //! This module predicts what training's buffers will take, before there are any.
 
 use super::optimizer::{plan_bytes, statistics_bytes, with_room};
+use super::partner;
 use super::supervision::{Supervision, TrainingView};
 use crate::camera::Camera;
 use crate::config::Config;
@@ -29,9 +30,11 @@ pub struct TrainingBytes {
     pub targets: u64,
     /// Gradients of poses, where they are refined.
     pub poses: u64,
+    /// All that a partner has of these for itself, where there is one.
+    pub partner: u64,
     /// Staging buffer of the largest block that the host reads at once.
     pub reading: u64,
-    /// What densifying, or pruning by contribution, holds beside the old set; at most.
+    /// What densifying, or pruning without it, holds beside the old set; at most.
     pub densifying: u64,
 }
 
@@ -88,16 +91,22 @@ impl TrainingBytes {
     ) -> TrainingBytes {
         let sh_degree = config.model.sh_degree;
         let model = model_bytes(capacity.stride, sh_degree);
+        let statistics = statistics_bytes(capacity.stride);
+        let workspace = WorkspaceBytes::of(capacity);
         TrainingBytes {
             n_gaussians,
             n_pairs: capacity.pairs,
             model,
             moments: 2 * model,
-            statistics: statistics_bytes(capacity.stride),
-            workspace: WorkspaceBytes::of(capacity),
+            statistics,
+            workspace,
             targets,
             poses: match config.poses.refine {
                 true => PoseGradient::bytes(capacity.stride),
+                false => 0,
+            },
+            partner: match config.partner.enabled {
+                true => 3 * model + statistics + workspace.total(),
                 false => 0,
             },
             reading: Buffer::readback_bytes(match config.need.hold_out {
@@ -105,7 +114,7 @@ impl TrainingBytes {
                 // Renders of the held-out views are read, too.
                 _ => block_bytes(capacity.stride, sh_degree).max(rendered_bytes(capacity.plane)),
             }),
-            densifying: match config.need.prunes() {
+            densifying: match config.need.prunes() || partner::ever_prunes(config) {
                 true => model + plan_bytes(n_gaussians),
                 false => 0,
             },
@@ -127,7 +136,7 @@ impl TrainingBytes {
     /// Returns the bytes that are held between two iterations.
     pub fn held(&self) -> u64 {
         let of_gaussians = self.model + self.moments + self.statistics;
-        of_gaussians + self.workspace.total() + self.targets + self.poses
+        of_gaussians + self.workspace.total() + self.targets + self.poses + self.partner
     }
 
     /// Returns the bytes that are held at the worst moment.

@@ -5,7 +5,7 @@
 //! an [`observer`], and [`checkpoint`] takes it apart and puts it together again between two
 //! iterations. [`supervision`] is what they learn from, [`capacity`] says what that takes, [`shell`]
 //! is a background of Gaussians beyond the scene, [`pose_adam`] moves cameras, where they are
-//! refined, [`guide`] chooses whom dropout leaves out, and what the scene needs is
+//! refined, [`guide`] chooses whom dropout leaves out, a [`partner`] is a second set of Gaussians, and what the scene needs is
 //! decided by virtual views that nothing is learned from ([`SignalPoint`]): [`length`] says when training ends,
 //! [`trim`] which Gaussians it can do without, `lower` which SH degrees.
 
@@ -19,6 +19,8 @@ pub mod length;
 mod lower;
 pub mod observer;
 pub mod optimizer;
+pub mod partner;
+mod partnered;
 pub mod policy;
 pub mod pose_adam;
 mod poses;

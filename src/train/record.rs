@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 
-/// The losses of one iteration; means over all pixels, of a virtual view over its valid ones.
+/// The losses of one iteration; means over all pixels, of a virtual view over its valid ones. A partner's pseudo view stands
+/// where the virtual view else does.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LossSample {
     /// Number of finished iterations.
@@ -43,6 +44,9 @@ pub struct PlanCounts {
     /// Gaussians removed because they contribute least to the views.
     #[serde(default)]
     pub pruned_contribution: usize,
+    /// Gaussians removed because the partner's are all far away.
+    #[serde(default)]
+    pub pruned_apart: usize,
 }
 
 /// A change of the set of Gaussians.

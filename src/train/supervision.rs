@@ -20,6 +20,8 @@ pub struct TrainingView {
     pub masked: bool,
     /// Weight of its loss: 1 for real views, `alpha_k` for virtual ones.
     pub weight: f64,
+    /// Whether pixels of alpha 0 show the background of the iteration; all count then.
+    pub has_ground: bool,
 }
 
 impl TrainingView {
@@ -40,6 +42,23 @@ impl TrainingView {
         }
     }
 
+    /// Does the same where backgrounds are random: around a cut-out subject the target image shows the background, too,
+    /// whatever it is.
+    pub fn before_any_background(camera: Camera, view: &View) -> TrainingView {
+        if !view.is_cut_out() {
+            return Self::of(camera, view);
+        }
+        let goal = view.goal().into_iter().enumerate();
+        let goal = goal.map(|(i, texel)| if view.shows(i) { texel } else { 0 });
+        let goal: Vec<u32> = goal.collect();
+        TrainingView {
+            masked: false,
+            total_weight: goal.len() as f64,
+            has_ground: true,
+            ..Self::masked(camera, &goal, 1.0)
+        }
+    }
+
     /// Takes a target image in which every pixel weighs what its alpha says.
     pub fn masked(camera: Camera, goal: &[u32], weight: f64) -> TrainingView {
         Self::packed(camera, Goal::new(goal), weight)
@@ -54,6 +73,7 @@ impl TrainingView {
             total_weight: total as f64 / LEVEL_MAX,
             masked: true,
             weight,
+            has_ground: false,
         }
     }
 }

@@ -7,6 +7,7 @@ use super::guide::Guide;
 use super::length::Settling;
 use super::observer::Observer;
 use super::optimizer::{Optimizer, OptimizerKernels, StepUniform};
+use super::partner::{self, Partner};
 use super::policy::{self, Plan, Surroundings};
 use super::record::{ImageLoss, LossSample, PlanRecord, SignalPoint, Trained, Trim};
 use super::refine::Refinement;
@@ -60,6 +61,8 @@ pub struct StepViews {
     pub real: usize,
     /// Index into [`Supervision::virtual_views`]; `None` in an iteration without one.
     pub virtual_view: Option<usize>,
+    /// Whether a pseudo view stands in its place.
+    pub pseudo_view: bool,
 }
 
 /// A training run in progress.
@@ -74,10 +77,13 @@ pub struct Trainer<'a> {
     pub(super) held_out: Vec<ViewUniform>,
     real_order: ViewOrder,
     virtual_order: ViewOrder,
+    /// The set that is exported.
     pub(super) optimizer: Optimizer,
     pub(super) workspace: Workspace,
     pub(super) bound: Bound,
     pub(super) adam: Vec<Vec<wgpu::BindGroup>>,
+    /// The set beside it, where there is one.
+    pub(super) partner: Option<Partner>,
     pub(super) refinement: Option<Refinement>,
     /// One a view, the real ones first; empty unless dropout is guided.
     pub(super) guides: Vec<Guide>,
@@ -127,6 +133,11 @@ impl<'a> Trainer<'a> {
         let workspace = Workspace::new(gpu, capacity, true)?;
         let bound = Bound::new(gpu, kernels, &workspace, &optimizer.model);
         let adam = optimizer.bind(gpu, &optimizer_kernels, &workspace);
+        let partner = || {
+            let kernels = (kernels, &optimizer_kernels);
+            Partner::new(gpu, kernels, (&workspace, start), supervision)
+        };
+        let partner = config.partner.enabled.then(partner).transpose()?;
         let refine = || Refinement::new(gpu, &workspace, &optimizer.model, &supervision.real);
         let refinement = config.poses.refine.then(refine).transpose()?;
         let trained = [real.as_slice(), &virtual_views].concat();
@@ -146,6 +157,7 @@ impl<'a> Trainer<'a> {
             workspace,
             bound,
             adam,
+            partner,
             refinement,
             guides: Vec::new(),
             goal: Vec::new(),
@@ -185,7 +197,8 @@ impl<'a> Trainer<'a> {
             done += 1;
             let changes = schedule::densifies(config, done)
                 || schedule::prunes_by_coverage(config, done)
-                || schedule::resets_opacity(config, done);
+                || schedule::resets_opacity(config, done)
+                || partner::prunes(config, done);
             let looks =
                 changes || done.is_multiple_of(LOOK_INTERVAL) || done == self.settling.until;
             let keeps = observer.keeps(done);
@@ -264,8 +277,12 @@ impl<'a> Trainer<'a> {
         let degree = self.sh_degree(iteration);
         // There is at least one real view.
         let real = self.real_order.view(iteration).unwrap_or(0);
+        if self.partner.is_some() {
+            return self.record_both(iteration, real, commands);
+        }
         let virtual_view = self.virtual_order.view(iteration);
         let dropout = schedule::dropout(config, iteration);
+        let background = schedule::background(config, iteration);
         let mut centers = Vec::with_capacity(2);
         let chosen = [
             Some((&self.supervision.real[real], self.real[real], real)),
@@ -276,7 +293,7 @@ impl<'a> Trainer<'a> {
         ];
         // Copies of both first, so that the dispatches lie in a row.
         for (slot, (view, uniform, k)) in chosen.into_iter().flatten().enumerate() {
-            self.set_goal(commands, slot, view, &uniform, k);
+            self.set_goal(commands, slot, view, &uniform, k, background);
         }
         for (slot, (view, uniform, k)) in chosen.into_iter().flatten().enumerate() {
             let scale = [1.0, config.loss.virtual_weight][slot];
@@ -288,7 +305,7 @@ impl<'a> Trainer<'a> {
                 &self.workspace,
                 &self.bound,
                 &self.optimizer.model,
-                self.dropped_out(uniform, k, dropout),
+                self.dropped_out(uniform.before(background), k, dropout),
                 PassStep {
                     slot,
                     sh_degree: degree,
@@ -305,13 +322,22 @@ impl<'a> Trainer<'a> {
             }
             centers.push(uniform.center());
         }
-        let step = StepUniform::new(config, iteration, self.supervision.extent, &centers)
-            .within(self.supervision.frozen_beyond())
-            .slowed(self.settling.rate(iteration));
+        let step = self.step_uniform(iteration, &centers);
         let kernels = &self.optimizer_kernels;
         self.optimizer
             .step(self.gpu, kernels, &self.adam, commands, step, degree);
-        StepViews { real, virtual_view }
+        StepViews {
+            real,
+            virtual_view,
+            pseudo_view: false,
+        }
+    }
+
+    /// Returns the Adam step of an iteration whose views have these optical centres.
+    pub(super) fn step_uniform(&self, iteration: u32, centers: &[[f64; 3]]) -> StepUniform {
+        StepUniform::new(self.config, iteration, self.supervision.extent, centers)
+            .within(self.supervision.frozen_beyond())
+            .slowed(self.settling.rate(iteration))
     }
 
     /// Returns the number of (tile, Gaussian) pairs of the last view, for benches.
@@ -323,7 +349,12 @@ impl<'a> Trainer<'a> {
     }
 
     /// Reads the losses of the iteration just done.
-    fn sample(&self, done: u32, StepViews { real, virtual_view }: StepViews) -> Result<LossSample> {
+    fn sample(&self, done: u32, views: StepViews) -> Result<LossSample> {
+        let StepViews {
+            real,
+            virtual_view,
+            pseudo_view,
+        } = views;
         let losses = self.workspace.read_losses(self.gpu)?;
         let w = self.config.loss.ssim_weight;
         let total = |loss: ImageLoss| (1.0 - w) * loss.l1 + w * (1.0 - loss.ssim);
@@ -331,12 +362,13 @@ impl<'a> Trainer<'a> {
             l1: losses[slot][0],
             ssim: losses[slot][1],
         };
-        let virt = virtual_view.map(|_| part(1));
+        let virt = (virtual_view.is_some() || pseudo_view).then(|| part(1));
         let mut loss = self.supervision.real[real].weight * total(part(0));
-        if let (Some(k), Some(part)) = (virtual_view, virt) {
-            let weight = self.supervision.virtual_views[k].weight;
-            loss += weight * self.config.loss.virtual_weight * total(part);
-        }
+        let weight = match virtual_view {
+            Some(k) => self.supervision.virtual_views[k].weight * self.config.loss.virtual_weight,
+            None => self.config.partner.weight,
+        };
+        loss += virt.map_or(0.0, |part| weight * total(part));
         Ok(LossSample {
             iteration: done,
             loss,
@@ -347,19 +379,45 @@ impl<'a> Trainer<'a> {
 
     /// Densifies, prunes and resets as the schedule says after `done` iterations.
     fn change(&mut self, done: u32) -> Result<()> {
-        let (config, clock) = (self.config, Instant::now());
-        let densifies = schedule::densifies(config, done);
-        if densifies || schedule::prunes_by_coverage(config, done) {
-            let gathered = self.optimizer.gather(self.gpu)?;
-            let surroundings = Surroundings {
-                coverage: &self.supervision.coverage,
-                extent: self.supervision.extent,
-                frozen_beyond: self.supervision.frozen_beyond(),
-            };
-            let plan = policy::plan(&gathered, config, &surroundings, done);
+        let clock = Instant::now();
+        let densifies = schedule::densifies(self.config, done);
+        if let Some(plan) = self.plan(done, 0)? {
             self.rearrange(&plan, densifies, done)?;
         }
-        if schedule::resets_opacity(config, done) {
+        self.reset(done);
+        self.in_partner(|trainer| {
+            if let Some(plan) = trainer.plan(done, 1)? {
+                trainer.carry_out(&plan, densifies)?;
+            }
+            trainer.reset(done);
+            Ok(())
+        })?;
+        if partner::prunes(self.config, done) {
+            self.prune_apart(done)?;
+        }
+        self.seconds.densify += clock.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Decides which Gaussians of a set come and go after `done` iterations; `None` where that is not due.
+    fn plan(&self, done: u32, set: u64) -> Result<Option<Plan>> {
+        let config = self.config;
+        if !schedule::densifies(config, done) && !schedule::prunes_by_coverage(config, done) {
+            return Ok(None);
+        }
+        let gathered = self.optimizer.gather(self.gpu)?;
+        let surroundings = Surroundings {
+            coverage: &self.supervision.coverage,
+            extent: self.supervision.extent,
+            frozen_beyond: self.supervision.frozen_beyond(),
+            set,
+        };
+        Ok(Some(policy::plan(&gathered, config, &surroundings, done)))
+    }
+
+    /// Resets the opacities where that is due after `done` iterations.
+    fn reset(&self, done: u32) {
+        if schedule::resets_opacity(self.config, done) {
             self.optimizer.reset_opacity(
                 self.gpu,
                 &self.optimizer_kernels,
@@ -367,21 +425,25 @@ impl<'a> Trainer<'a> {
                 self.supervision.frozen_beyond(),
             );
         }
-        self.seconds.densify += clock.elapsed().as_secs_f64();
-        Ok(())
     }
 
     /// Carries out a plan after `done` iterations and notes it.
     pub(super) fn rearrange(&mut self, plan: &Plan, densifies: bool, done: u32) -> Result<()> {
-        self.unbind();
-        let kernels = &self.optimizer_kernels;
-        self.optimizer
-            .rearrange(self.gpu, kernels, plan, densifies)?;
+        self.carry_out(plan, densifies)?;
         self.plans.push(PlanRecord {
             iteration: done,
             n_gaussians: self.optimizer.model.n,
             counts: plan.counts,
         });
+        Ok(())
+    }
+
+    /// Carries out a plan.
+    pub(super) fn carry_out(&mut self, plan: &Plan, densifies: bool) -> Result<()> {
+        self.unbind();
+        let kernels = &self.optimizer_kernels;
+        self.optimizer
+            .rearrange(self.gpu, kernels, plan, densifies)?;
         self.fit_model()
     }
 }

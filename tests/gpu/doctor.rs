@@ -6,7 +6,7 @@ use gspotential::doctor::loss::{Kind, LossCase, MaskKind};
 use gspotential::doctor::twin::cases::{cover, huge, random_scene};
 use gspotential::doctor::view::{COVERS, ORDINARY, ViewCase};
 use gspotential::doctor::{
-    Adapter, Context, Finding, RasterizerReport, Report, adam, changes, loss, stage, view,
+    Adapter, Context, Finding, RasterizerReport, Report, adam, changes, exchange, loss, stage, view,
 };
 use gspotential::error::Result;
 use gspotential::gpu::shader::{STAGES, compose};
@@ -64,6 +64,7 @@ fn findings(ctx: &Context) -> Result<Vec<Finding>> {
         .list,
     );
     findings.extend(changes::examine_reset(ctx, 70)?.list);
+    findings.extend(exchange::examine(ctx, (33, 17))?.list);
     Ok(findings)
 }
 

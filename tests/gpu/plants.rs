@@ -45,7 +45,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-pub(crate) const PLANTS: [Plant; 53] = [
+pub(crate) const PLANTS: [Plant; 57] = [
     plant(
         "project",
         "+ DILATION;",
@@ -349,4 +349,18 @@ pub(crate) const PLANTS: [Plant; 53] = [
         "second_moment[id].x = 0.0;",
         stage::RESET_OPACITY,
     ),
+    plant(
+        "exchange",
+        "color * LEVEL_MAX + 0.5",
+        "color * LEVEL_MAX",
+        stage::EXCHANGE,
+    ),
+    plant(
+        "exchange",
+        "levels(2u, i) << vec4u(16u)",
+        "levels(1u, i) << vec4u(16u)",
+        stage::EXCHANGE,
+    ),
+    plant("exchange", "| vec4u(0xff000000u)", "", stage::EXCHANGE),
+    plant("exchange", "min(a, b) == 0u", "a == 0u", stage::EXCHANGE),
 ];
