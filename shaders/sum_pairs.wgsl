@@ -9,6 +9,7 @@
 #import shared/splat_gradient
 #import shared/entries
 #import shared/pair_gradient
+#import shared/pair_sums
 #import shared/dropout
 
 @group(0) @binding(0) var<storage, read> totals: array<u32>;
@@ -73,18 +74,12 @@ fn sum_gaussians(thread: Thread) {
     var a = vec4f(0.0);
     var b = vec4f(0.0);
     var c = 0.0;
-    // Single pairs up to an aligned block, such blocks up to an aligned block of them, those, and
-    // the same backwards.
     // bound: 4 (PAIR_BLOCK - 1) turns and one for PAIR_BLOCK^2 pairs, held by the host.
     for (var pair = range.first; pair < range.end;) {
         a += d_pair_a[pair];
         b += d_pair_b[pair];
         c += d_pair_c[pair];
-        let left = range.end - pair;
-        var n_summed = select(1u, PAIR_BLOCK, pair % PAIR_BLOCK == 0u && left >= PAIR_BLOCK);
-        let large = PAIR_BLOCK * PAIR_BLOCK;
-        n_summed = select(n_summed, large, pair % large == 0u && left >= large);
-        pair += n_summed;
+        pair += n_summed(pair, range.end);
     }
     let d = pair_gradient(a, b, c);
     let s = unpacked(splats[id]);

@@ -7,12 +7,15 @@
 //! are integers, agree exactly with what the host makes of the same input.
 
 mod adapter;
+mod bounds;
+mod depth_losses;
 mod finding;
 mod rig;
 mod table;
 
 pub mod adam;
 pub mod changes;
+pub mod depth;
 pub mod determinism;
 pub mod forward;
 pub mod host;

@@ -13,8 +13,8 @@ use crate::gaussians::Gaussians;
 use crate::gpu::shader::{self, Sources};
 use crate::gpu::{Buffer, Commands, Gpu, Rasterizer};
 use crate::render::{
-    Bound, Capacity, Kernels, LossUniform, Model, Pass, PassStep, PoseKernels, Rendered,
-    ViewUniform, Workspace, read_rendered, read_totals, until_it_fits,
+    Bound, Capacity, DepthKernels, Kernels, LossUniform, Model, Pass, PassStep, PoseKernels,
+    Rendered, ViewUniform, Workspace, read_rendered, read_totals, until_it_fits,
 };
 use crate::train::guide::Guide;
 use crate::train::optimizer::OptimizerKernels;
@@ -29,6 +29,8 @@ pub struct Context {
     pub optimizer: OptimizerKernels,
     /// Kernels of the gradient with respect to the camera's pose.
     pub pose: PoseKernels,
+    /// Kernels of depths and normals.
+    pub depth: DepthKernels,
 }
 
 impl Context {
@@ -44,6 +46,7 @@ impl Context {
             kernels: Kernels::from_sources(rasterizer, sources),
             optimizer: OptimizerKernels::from_sources(sources),
             pose: PoseKernels::from_sources(sources),
+            depth: DepthKernels::from_sources(rasterizer, sources),
             gpu,
         }
     }
@@ -52,6 +55,7 @@ impl Context {
     pub fn with_rasterizer(self, rasterizer: Rasterizer) -> Context {
         Context {
             kernels: Kernels::with(rasterizer),
+            depth: DepthKernels::new(rasterizer),
             ..self
         }
     }
@@ -236,7 +240,7 @@ impl Rig {
     }
 
     /// Returns the places of the image's pixels in a padded plane.
-    fn pixels(&self) -> impl Iterator<Item = usize> {
+    pub(super) fn pixels(&self) -> impl Iterator<Item = usize> {
         let row_len = 4 * self.view.padded_size().0;
         let (width, height) = (self.view.size[0] as usize, self.view.size[1] as usize);
         (0..height).flat_map(move |y| y * row_len..y * row_len + width)

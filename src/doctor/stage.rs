@@ -43,6 +43,20 @@ pub const SUM_PAIRS: &str = "sum_pairs";
 pub const PROJECT_BACKWARD: &str = "project_backward";
 /// Carries the gradients back to the camera's pose.
 pub const POSE_BACKWARD: &str = "pose_backward";
+/// Finds depths and normals of Gaussians.
+pub const PROJECT_DEPTH: &str = "project_depth";
+/// Blends the depths and normals of each tile.
+pub const RASTERIZE_DEPTH: &str = "rasterize_depth";
+/// Blends the depths and normals of each tile, a workgroup a tile.
+pub const RASTERIZE_DEPTH_WORKGROUP: &str = "rasterize_depth, workgroup";
+/// Compares depths and normals with targets, and finds the gradient.
+pub const DEPTH_LOSS: &str = "depth_loss";
+/// Adds the gradients of depths and normals to the pairs'.
+pub const RASTERIZE_DEPTH_BACKWARD: &str = "rasterize_depth_backward";
+/// Adds these gradients, a workgroup a tile.
+pub const RASTERIZE_DEPTH_BACKWARD_WORKGROUP: &str = "rasterize_depth_backward, workgroup";
+/// Carries the gradients of depths and normals back to the stored parameters.
+pub const PROJECT_DEPTH_BACKWARD: &str = "project_depth_backward";
 /// Steps the parameters, SH by way of the colours' gradients.
 pub const ADAM: &str = "Adam";
 /// Carries a densification plan out.
@@ -55,7 +69,7 @@ pub const FIELD: &str = "field, on the CPU";
 pub const POINT_SPLAT: &str = "point splat, on the CPU";
 
 /// Every stage, in the order of the flow.
-pub const ALL: [&str; 25] = [
+pub const ALL: [&str; 32] = [
     PROJECT,
     SCAN,
     SCAN_WORKGROUP,
@@ -76,6 +90,13 @@ pub const ALL: [&str; 25] = [
     SUM_PAIRS,
     PROJECT_BACKWARD,
     POSE_BACKWARD,
+    PROJECT_DEPTH,
+    RASTERIZE_DEPTH,
+    RASTERIZE_DEPTH_WORKGROUP,
+    DEPTH_LOSS,
+    RASTERIZE_DEPTH_BACKWARD,
+    RASTERIZE_DEPTH_BACKWARD_WORKGROUP,
+    PROJECT_DEPTH_BACKWARD,
     ADAM,
     REARRANGE,
     RESET_OPACITY,
@@ -100,11 +121,15 @@ pub struct Own {
     pub masked_loss: &'static str,
     /// Finds the gradients of the pairs.
     pub rasterize_backward: &'static str,
+    /// Blends depths and normals.
+    pub rasterize_depth: &'static str,
+    /// Adds their gradients to the pairs'.
+    pub rasterize_depth_backward: &'static str,
 }
 
 impl Own {
     /// Returns all of them.
-    pub fn all(&self) -> [&'static str; 7] {
+    pub fn all(&self) -> [&'static str; 9] {
         [
             self.scan,
             self.radix_sort,
@@ -113,6 +138,8 @@ impl Own {
             self.loss,
             self.masked_loss,
             self.rasterize_backward,
+            self.rasterize_depth,
+            self.rasterize_depth_backward,
         ]
     }
 }
@@ -128,6 +155,8 @@ pub fn own(rasterizer: Rasterizer) -> Own {
             bin: BIN,
             rasterize: RASTERIZE,
             rasterize_backward: RASTERIZE_BACKWARD,
+            rasterize_depth: RASTERIZE_DEPTH,
+            rasterize_depth_backward: RASTERIZE_DEPTH_BACKWARD,
         },
         Rasterizer::Workgroup => Own {
             scan: SCAN_WORKGROUP,
@@ -137,6 +166,8 @@ pub fn own(rasterizer: Rasterizer) -> Own {
             bin: BIN_WORKGROUP,
             rasterize: RASTERIZE_WORKGROUP,
             rasterize_backward: RASTERIZE_BACKWARD_WORKGROUP,
+            rasterize_depth: RASTERIZE_DEPTH_WORKGROUP,
+            rasterize_depth_backward: RASTERIZE_DEPTH_BACKWARD_WORKGROUP,
         },
     }
 }

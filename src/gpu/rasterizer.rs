@@ -40,6 +40,10 @@ pub struct RasterizerStages {
     pub ssim: &'static str,
     /// Finds the gradients of the pairs.
     pub rasterize_backward: &'static str,
+    /// Blends the depths and normals of each tile.
+    pub rasterize_depth: &'static str,
+    /// Adds the gradients of depths and normals to the pairs'.
+    pub rasterize_depth_backward: &'static str,
 }
 
 /// How a radix sort shares its entries out.
@@ -110,6 +114,8 @@ impl Rasterizer {
                 bin: "bin",
                 rasterize: "rasterize",
                 rasterize_backward: "rasterize_backward",
+                rasterize_depth: "rasterize_depth",
+                rasterize_depth_backward: "rasterize_depth_backward",
             },
             Rasterizer::Workgroup => RasterizerStages {
                 radix: "radix_workgroup",
@@ -118,6 +124,8 @@ impl Rasterizer {
                 bin: "bin_workgroup",
                 rasterize: "rasterize_workgroup",
                 rasterize_backward: "rasterize_backward_workgroup",
+                rasterize_depth: "rasterize_depth_workgroup",
+                rasterize_depth_backward: "rasterize_depth_backward_workgroup",
             },
         }
     }

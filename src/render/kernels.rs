@@ -151,6 +151,23 @@ pub(super) enum RasterGroups {
     Slices(Vec<wgpu::BindGroup>),
 }
 
+impl RasterGroups {
+    /// Binds the kernels of whole lists and of slices to buffers of these names and the slices of `space`.
+    pub(super) fn of(
+        gpu: &Gpu,
+        [whole, slice]: &[Kernel; 2],
+        space: &Workspace,
+        names: &[(&'static str, &Buffer)],
+    ) -> RasterGroups {
+        let slices = space.all("slice");
+        if slices.is_empty() {
+            return RasterGroups::Whole(whole.bind(gpu, names));
+        }
+        let bind = |at| slice.bind(gpu, &[&[("slice", at)], names].concat());
+        RasterGroups::Slices(slices.iter().map(bind).collect())
+    }
+}
+
 impl Bound {
     /// Binds the buffers of `workspace` and `model` to every kernel, once for each slot. With a
     /// workspace that does not train, the backward is left out.
@@ -196,18 +213,7 @@ impl Groups {
             };
             passes.iter().enumerate().map(pass).collect()
         };
-        let raster = |[whole, slice]: &[Kernel; 2]| {
-            let slices = space.all("slice");
-            if slices.is_empty() {
-                return RasterGroups::Whole(with(&[], whole));
-            }
-            RasterGroups::Slices(
-                slices
-                    .iter()
-                    .map(|at| with(&[("slice", at)], slice))
-                    .collect(),
-            )
-        };
+        let raster = |kernels: &[Kernel; 2]| RasterGroups::of(gpu, kernels, space, &names);
         let by_degree = |kernels: &[Kernel; 4]| {
             let used = &kernels[..=model.sh_degree as usize];
             used.iter().map(|k| with(&[], k)).collect()

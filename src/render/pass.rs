@@ -25,7 +25,7 @@ pub struct Pass<'a> {
     /// The view's number among those of its step.
     pub slot: usize,
     /// The view's uniform, with counts and slot set by [`Pass::new`].
-    view: ViewUniform,
+    pub(super) view: ViewUniform,
     sh_degree: usize,
 }
 
@@ -179,12 +179,12 @@ impl<'a> Pass<'a> {
     }
 
     /// Returns the number of Gaussians.
-    fn n(&self) -> u64 {
+    pub(super) fn n(&self) -> u64 {
         u64::from(self.view.n_gaussians)
     }
 
     /// Returns the number of pairs that there is room for.
-    fn room(&self) -> u64 {
+    pub(super) fn room(&self) -> u64 {
         self.workspace.capacity.pairs as u64
     }
 

@@ -45,7 +45,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-pub(crate) const PLANTS: [Plant; 53] = [
+pub(crate) const PLANTS: [Plant; 67] = [
     plant(
         "project",
         "+ DILATION;",
@@ -317,6 +317,90 @@ pub(crate) const PLANTS: [Plant; 53] = [
         "shifts[0] * w)",
         "w * shifts[0])",
         stage::POSE_BACKWARD,
+    ),
+    plant(
+        "project_depth",
+        "s.y < least",
+        "s.y > least",
+        stage::PROJECT_DEPTH,
+    ),
+    plant(
+        "rasterize_depth",
+        "(*p).mode = select((*p).mode, vec4f(f.w), is_mode);",
+        "(*p).mode = select(vec4f(f.w), vec4f(f.w), is_mode);",
+        stage::RASTERIZE_DEPTH,
+    ),
+    plant(
+        "rasterize_depth",
+        "(next <= vec4f(0.5))",
+        "(next <= vec4f(0.4))",
+        stage::RASTERIZE_DEPTH,
+    ),
+    plant(
+        "rasterize_depth_workgroup",
+        "staged_depths[thread.local] = splat_depths[gaussian];",
+        "staged_depths[thread.local] = splat_depths[begin];",
+        stage::RASTERIZE_DEPTH_WORKGROUP,
+    ),
+    plant(
+        "depth_loss",
+        "let both = a.m * share;",
+        "let both = a.m;",
+        stage::DEPTH_LOSS,
+    ),
+    plant(
+        "depth_loss",
+        "+ offset - sign(error)",
+        "- sign(error)",
+        stage::DEPTH_LOSS,
+    ),
+    plant(
+        "depth_loss",
+        "-(s.x * s.x) * d_x",
+        "-s.x * d_x",
+        stage::DEPTH_LOSS,
+    ),
+    plant(
+        "rasterize_depth_backward",
+        "select(-t * fourth, fourth, goes_on)",
+        "select(t * fourth, fourth, goes_on)",
+        stage::RASTERIZE_DEPTH_BACKWARD,
+    ),
+    plant(
+        "rasterize_depth_backward",
+        "d_pair_a[pair] += vec4f(sum_v,",
+        "d_pair_a[pair] = vec4f(sum_v,",
+        stage::RASTERIZE_DEPTH_BACKWARD,
+    ),
+    plant(
+        "rasterize_depth_backward",
+        "(of_median + of_mode)",
+        "of_median",
+        stage::RASTERIZE_DEPTH_BACKWARD,
+    ),
+    plant(
+        "rasterize_depth_backward_workgroup",
+        "d_pair_b[pair] += sum;",
+        "d_pair_b[pair] = sum;",
+        stage::RASTERIZE_DEPTH_BACKWARD_WORKGROUP,
+    ),
+    plant(
+        "rasterize_depth_backward_workgroup",
+        "let part = local % 3u;",
+        "let part = min(local % 3u, 1u);",
+        stage::RASTERIZE_DEPTH_BACKWARD_WORKGROUP,
+    ),
+    plant(
+        "project_depth_backward",
+        "i < PAIR_BLOCK; i++",
+        "i < PAIR_BLOCK - 1u; i++",
+        stage::PROJECT_DEPTH_BACKWARD,
+    ),
+    plant(
+        "project_depth_backward",
+        "n.side * (d.x",
+        "(d.x",
+        stage::PROJECT_DEPTH_BACKWARD,
     ),
     plant(
         "adam",

@@ -10,7 +10,8 @@ use gspotential::doctor::twin::{project, raster};
 use gspotential::gpu::constants;
 use gspotential::gpu::shader::{STAGES, compose};
 use gspotential::render::{
-    BinUniform, LossUniform, RadixUniform, ScanUniform, SliceUniform, Splat, ViewUniform,
+    BinUniform, DepthLossUniform, LossUniform, RadixUniform, ScanUniform, SliceUniform, Splat,
+    ViewUniform,
 };
 use gspotential::train::optimizer::{RearrangeUniform, ResetUniform, StepUniform, StepView};
 
@@ -57,6 +58,11 @@ fn host_layouts() -> BTreeMap<&'static str, Layout> {
             "Loss",
             layout!(LossUniform: l1_scale, ssim_scale, masked, mean_scale, slot, n_partials,
                 pad_0, pad_1),
+        ),
+        (
+            "DepthLoss",
+            layout!(DepthLossUniform: weight, patch_weight, normal_weight, kind, plane, inverse,
+                patch_vectors, normals),
         ),
         ("Scan", layout!(ScanUniform: n, total, capacity, step)),
         ("Radix", layout!(RadixUniform: n, pairs, shift, pad)),

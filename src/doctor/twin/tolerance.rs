@@ -67,6 +67,10 @@ pub const GPU_PROJECTION: f64 = 1e-5;
 /// Losses and their gradients. Measured: 1e-7 and 1e-6.
 pub const GPU_LOSS: f64 = 1e-5;
 
+/// Losses of depths and normals and their gradients: f32 moments of up to a million depths about their
+/// means.
+pub const GPU_DEPTH_LOSS: f64 = 1e-5;
+
 /// Adam's moments and parameters after a few steps, relative L2: rounding of each step.
 pub const GPU_ADAM: f64 = 1e-5;
 
