@@ -12,6 +12,7 @@ mod comparison;
 mod compass;
 mod config;
 mod dense;
+mod depths;
 mod export;
 mod faults;
 mod field;

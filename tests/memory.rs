@@ -1,6 +1,6 @@
 //! What a run is said to need is what it takes, to the byte.
 
-use gspotential::config::Config;
+use gspotential::config::{Config, PriorSource};
 use gspotential::doctor::twin::random::Random;
 use gspotential::gpu::Gpu;
 use gspotential::pipeline::{Forecast, Prepared, load_scene, prepare};
@@ -53,6 +53,10 @@ fn buffers_take_what_was_predicted_to_the_byte() {
             config.scene.max_points = Some(100);
         }
         config.poses.refine = sh_degree == 2;
+        if sh_degree == 1 {
+            config.prior.source = PriorSource::Cloud;
+            config.prior.normal_weight = 0.1;
+        }
         let (scene, prepared) = prepared(&config);
         let gpu = Gpu::open().expect("an adapter");
         let kernels = Kernels::new(&gpu);
@@ -60,6 +64,7 @@ fn buffers_take_what_was_predicted_to_the_byte() {
         let (start, supervision) = (&prepared.start, &prepared.supervision);
         let mut trainer = Trainer::new(&gpu, &kernels, start, supervision, &config).expect("fits");
         assert_eq!(gpu.live_bytes(), said.held(), "{preset}, {sh_degree}");
+        assert_eq!(said.depths > 0, sh_degree == 1);
         trainer.run(&mut ()).expect("trains");
         assert_eq!(
             trainer.pair_capacity(),

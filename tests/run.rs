@@ -286,6 +286,7 @@ fn metrics_read_back_and_keep_what_may_vary_apart() {
                 ssim: 0.7,
             },
             virt: None,
+            depths: None,
         }],
         model_size: vec![ModelSize {
             iteration: 0,

@@ -2,11 +2,11 @@
 //!
 //! Lengths are relative to the sphere radius `R`. The defaults are the preset `paper`.
 
-use super::NeedConfig;
 use super::declare::{
     above_to, any, at_least, between, choice, from_below, odd_window, positive, section, within,
     zero_or,
 };
+use super::{NeedConfig, PriorConfig};
 
 /// The most that a `u32` holds.
 const U32: f64 = u32::MAX as f64;
@@ -39,6 +39,8 @@ section! {
         shell: ShellConfig = ShellConfig::default(), any();
         /// The image losses.
         loss: LossConfig = LossConfig::default(), any();
+        /// Depths and normals that training views are held to.
+        prior: PriorConfig = PriorConfig::default(), any();
         /// Dropout of Gaussians in training.
         dropout: DropoutConfig = DropoutConfig::default(), any();
         /// Refinement of the training cameras' poses.

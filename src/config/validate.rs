@@ -3,7 +3,7 @@
 use std::fmt::Display;
 
 use super::declare::{Entry, Value as _, any};
-use super::{Config, Strategy};
+use super::{Config, PriorDepths, PriorLoss, PriorSource, Strategy};
 use crate::error::{Error, Result};
 
 impl Config {
@@ -91,6 +91,21 @@ impl Config {
             "need.hold_out",
             self.need.hold_out,
             "2 or more with need.ends, need.prune or need.max_mb: held-out views decide",
+        )?;
+        let prior = &self.prior;
+        let files = prior.source == PriorSource::Files;
+        let is_metric = !files || prior.depths == PriorDepths::Metric;
+        ensure(
+            is_metric || prior.loss != PriorLoss::L1,
+            "prior.loss",
+            "l1",
+            "pearson or scale_shift, where prior.depths are not metric",
+        )?;
+        ensure(
+            !(files && prior.depths == PriorDepths::Relative && prior.inverse),
+            "prior.inverse",
+            prior.inverse,
+            "false, where prior.depths are relative: their inverse has no scale and shift",
         )?;
         let visibility = self.views.visibility.enabled;
         ensure(

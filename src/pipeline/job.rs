@@ -6,7 +6,7 @@ use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::live::Live;
 use crate::run::SceneRecord;
-use crate::scene::{CloudSource, LoadOptions, Scene, SceneSource, View};
+use crate::scene::{CloudSource, LoadOptions, PriorFiles, Scene, SceneSource, View};
 
 /// A single training view has no pseudo-focus to put virtual views around.
 const MIN_TRAIN_VIEWS: usize = 2;
@@ -75,7 +75,7 @@ impl TrainJob {
     /// Does what [`TrainJob::load`] does for a job that was recorded.
     pub fn load_again(&self) -> Result<Scene> {
         // What is wrong is the scene, not the command.
-        self.load().map_err(|e| {
+        self.load_with(None).map_err(|e| {
             Error::new(format!("the scene is no longer as it was trained on: {e}"))
                 .way_out("restore its files, or train again")
         })
@@ -86,11 +86,16 @@ impl TrainJob {
     /// # Errors
     /// What loading refuses, and a scene with too few training views for the config.
     pub fn load(&self) -> Result<Scene> {
+        self.load_with(PriorFiles::of(&self.config))
+    }
+
+    fn load_with(&self, priors: Option<PriorFiles>) -> Result<Scene> {
         let options = LoadOptions {
             train_views: self.train_views.clone(),
             test_views: self.test_views.clone(),
             overlap: self.overlap,
             cloud: self.cloud.clone(),
+            priors,
             ..LoadOptions::new(&self.config)
         };
         let scene = load_scene(&self.source, &options)?;

@@ -7,8 +7,8 @@ use crate::files::peak_host_bytes;
 use crate::gaussians::Gaussians;
 use crate::gpu::Gpu;
 use crate::report::{Column, Table};
-use crate::scene::{PointCloud, Scene, View};
-use crate::train::{TrainingBytes, TrainingView};
+use crate::scene::{PointCloud, Prior, Scene, View};
+use crate::train::{DepthTarget, TrainingBytes, TrainingView};
 
 /// Memory of a run, before it trains.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,6 +47,17 @@ impl Forecast {
             ("first Gaussians", gaussian_bytes(start)),
             ("its points, for a while", splatting_bytes(scene, config)),
         ];
+        let depths = supervision.real.iter().filter_map(|v| v.depths.as_ref());
+        let depths: usize = depths.map(DepthTarget::bytes).sum();
+        let priors: usize = scene
+            .train
+            .iter()
+            .filter_map(|v| v.prior.as_ref())
+            .map(Prior::bytes)
+            .sum();
+        if depths + priors > 0 {
+            host.push(("their depths and normals", (depths + priors) as u64));
+        }
         // A file with text or with observations may be larger than all that is made of it.
         let all: u64 = host.iter().map(|(_, bytes)| bytes).sum();
         let loaded = peak_host_bytes().unwrap_or(0);
@@ -130,6 +141,7 @@ fn gpu_memory_table(bytes: &TrainingBytes) -> Table {
         workspace,
         targets,
         poses,
+        depths,
         reading,
         densifying,
     } = *bytes;
@@ -165,6 +177,9 @@ fn gpu_memory_table(bytes: &TrainingBytes) -> Table {
     }
     if poses > 0 {
         row("gradients of poses", &gaussians, poses);
+    }
+    if depths > 0 {
+        row("depths, normals and their gradient", "both", depths);
     }
     row("uniforms", "", workspace.uniforms);
     if densifying > reading {

@@ -18,6 +18,7 @@ mod outputs;
 mod photographs;
 mod posed;
 mod prepare;
+mod priors;
 mod profile;
 mod render;
 mod start;

@@ -4,6 +4,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::priors::set_depths;
 use super::{Clock, cameras, focus_of};
 use crate::camera::{Camera, Frame};
 use crate::cloud::agreement::Agreement;
@@ -111,7 +112,7 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
             config.views.visibility.min_share
         ));
     }
-    let supervision = Supervision {
+    let mut supervision = Supervision {
         shell,
         ..supervision(
             scene,
@@ -122,6 +123,7 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
             config,
         )
     };
+    set_depths(&mut supervision.real, scene, cloud, &frame, config)?;
     if config.need.ends && config.need.hold_out > 0 && supervision.held_out.is_empty() {
         warnings.push(format!(
             "no virtual view is held out, so that nothing ends training early: there are {}, and one \

@@ -13,6 +13,7 @@ use super::inverted::{are_inverted, turned};
 use super::layout::PosedCamera;
 use super::masks::Masks;
 use super::own_cloud::{make_a_cloud, no_point, own_cloud, read_points, stale};
+use super::priors::read_priors;
 use super::protocol::PoseProtocol;
 use super::split::{choose, regroup};
 use super::{CloudSource, LoadOptions, PointCloud, Scene};
@@ -85,6 +86,12 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     warnings.extend(left_out);
     let mut train = views(decoded, &mut warnings)?;
     let mut test = train.split_off(split.train.len());
+    if let Some(wanted) = &options.priors {
+        let distorted = chosen[..train.len()]
+            .iter()
+            .map(|v| v.posed.distortion.is_some());
+        read_priors(dir, &mut train, &distorted.collect::<Vec<bool>>(), wanted)?;
+    }
     let mut cameras: Vec<Camera> = matched
         .views
         .iter()
@@ -173,6 +180,12 @@ fn protocol(n_interpolated: usize, warnings: &mut Vec<String>) -> PoseProtocol {
 ///
 /// Views that it does not have, or a cloud file that cannot be used.
 pub fn load_builtin(width: u32, options: &LoadOptions) -> Result<Scene> {
+    if options.priors.is_some() {
+        return Err(
+            Error::usage("the built-in scene has no files of depths and normals")
+                .way_out("take `--set prior.source=cloud`"),
+        );
+    }
     let mut scene = builtin::scene(&BuiltinOptions {
         width,
         n_test: options.n_test,

@@ -91,6 +91,7 @@ impl Setting {
                 image: builtin::render(&camera),
                 camera,
                 mask: None,
+                prior: None,
             })
             .collect())
     }

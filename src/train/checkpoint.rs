@@ -111,6 +111,9 @@ pub fn fingerprint(supervision: &Supervision, start: &Gaussians) -> BTreeMap<Str
     for view in supervision.views() {
         let name = &view.camera.name;
         parts.insert(format!("image of `{name}`"), sum(&view.goal.parts()));
+        if let Some(depths) = &view.depths {
+            parts.insert(format!("depths of `{name}`"), sum(&depths.parts()));
+        }
         parts.insert(format!("camera of `{name}`"), camera_sum(view));
     }
     let cloud = [

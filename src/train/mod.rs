@@ -5,13 +5,14 @@
 //! an [`observer`], and [`checkpoint`] takes it apart and puts it together again between two
 //! iterations. [`supervision`] is what they learn from, [`capacity`] says what that takes, [`shell`]
 //! is a background of Gaussians beyond the scene, [`pose_adam`] moves cameras, where they are
-//! refined, [`guide`] chooses whom dropout leaves out, and what the scene needs is
+//! refined, `depths` holds training views to depths and normals, [`guide`] chooses whom dropout leaves out, and what the scene needs is
 //! decided by virtual views that nothing is learned from ([`SignalPoint`]): [`length`] says when training ends,
 //! [`trim`] which Gaussians it can do without, `lower` which SH degrees.
 
 pub mod capacity;
 pub mod checkpoint;
 mod contribution;
+mod depths;
 mod dropout;
 mod goal;
 pub mod guide;
@@ -36,6 +37,7 @@ pub mod trim;
 
 pub use capacity::TrainingBytes;
 pub use checkpoint::fingerprint;
+pub use depths::{DepthLosses, DepthTarget};
 pub use goal::Goal;
 pub use observer::Observer;
 pub use pose_adam::PoseAdam;

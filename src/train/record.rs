@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::depths::DepthLosses;
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 
@@ -10,12 +11,15 @@ use crate::gaussians::Gaussians;
 pub struct LossSample {
     /// Number of finished iterations.
     pub iteration: u32,
-    /// `L_real + alpha_k L_virt`.
+    /// `L_real + alpha_k L_virt`, and the weighted losses of depths and normals.
     pub loss: f64,
     /// The training view's, before its weight.
     pub real: ImageLoss,
     /// The loss of the iteration's virtual view, before its weight; null without virtual views.
     pub virt: Option<ImageLoss>,
+    /// Those of the training view's depths and normals, before their weights, where it is held to some.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depths: Option<DepthLosses>,
 }
 
 /// The parts of an image loss.

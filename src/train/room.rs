@@ -61,6 +61,9 @@ impl Trainer<'_> {
         if let Some(refinement) = &mut self.refinement {
             refinement.gradient = None;
         }
+        if let Some(depths) = &mut self.depths {
+            depths.pass = None;
+        }
     }
 
     fn rebind(&mut self) -> Result<()> {
@@ -75,6 +78,10 @@ impl Trainer<'_> {
             .bind(self.gpu, &self.optimizer_kernels, &self.workspace);
         if let Some(refinement) = &mut self.refinement {
             refinement.rebind(self.gpu, &self.workspace, &self.optimizer.model)?;
+        }
+        if let Some(depths) = &mut self.depths {
+            let of = (&self.workspace, &self.optimizer.model);
+            depths.rebind(self.gpu, of, &self.real)?;
         }
         Ok(())
     }

@@ -1,5 +1,6 @@
 //! The supervision is what a training run learns from.
 
+use super::depths::DepthTarget;
 use super::goal::Goal;
 use super::shell::Shell;
 use crate::camera::Camera;
@@ -20,6 +21,8 @@ pub struct TrainingView {
     pub masked: bool,
     /// Weight of its loss: 1 for real views, `alpha_k` for virtual ones.
     pub weight: f64,
+    /// Depths and normals that it is held to, too.
+    pub depths: Option<DepthTarget>,
 }
 
 impl TrainingView {
@@ -54,6 +57,7 @@ impl TrainingView {
             total_weight: total as f64 / LEVEL_MAX,
             masked: true,
             weight,
+            depths: None,
         }
     }
 }

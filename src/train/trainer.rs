@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use super::capacity::{start_capacity, uniform};
+use super::depths::Depths;
 use super::guide::Guide;
 use super::length::Settling;
 use super::observer::Observer;
@@ -79,6 +80,7 @@ pub struct Trainer<'a> {
     pub(super) bound: Bound,
     pub(super) adam: Vec<Vec<wgpu::BindGroup>>,
     pub(super) refinement: Option<Refinement>,
+    pub(super) depths: Option<Depths>,
     /// One a view, the real ones first; empty unless dropout is guided.
     pub(super) guides: Vec<Guide>,
     /// A view's, unpacked.
@@ -129,6 +131,11 @@ impl<'a> Trainer<'a> {
         let adam = optimizer.bind(gpu, &optimizer_kernels, &workspace);
         let refine = || Refinement::new(gpu, &workspace, &optimizer.model, &supervision.real);
         let refinement = config.poses.refine.then(refine).transpose()?;
+        let depths = config.prior.is_on().then(|| {
+            let of = (&workspace, &optimizer.model);
+            Depths::new(gpu, kernels.rasterizer, of, &real, &config.prior)
+        });
+        let depths = depths.transpose()?;
         let trained = [real.as_slice(), &virtual_views].concat();
         let targets = Self::upload_targets(gpu, &trained, supervision, config)?;
         Ok(Trainer {
@@ -147,6 +154,7 @@ impl<'a> Trainer<'a> {
             bound,
             adam,
             refinement,
+            depths,
             guides: Vec::new(),
             goal: Vec::new(),
             targets,
@@ -274,6 +282,10 @@ impl<'a> Trainer<'a> {
                 (view, self.virtual_views[k], self.real.len() + k)
             }),
         ];
+        let has_depths = self.depths.as_mut().is_some_and(|depths| {
+            let view = &self.supervision.real[real];
+            depths.set(self.gpu, iteration, view, &self.real[real])
+        });
         // Copies of both first, so that the dispatches lie in a row.
         for (slot, (view, uniform, k)) in chosen.into_iter().flatten().enumerate() {
             self.set_goal(commands, slot, view, &uniform, k);
@@ -297,7 +309,10 @@ impl<'a> Trainer<'a> {
             );
             pass.forward(commands);
             pass.loss(commands, loss);
-            pass.backward(commands);
+            match &self.depths {
+                Some(depths) if slot == 0 && has_depths => depths.backward(&pass, commands),
+                _ => pass.backward(commands),
+            }
             if let (0, Some(refinement)) = (slot, &self.refinement)
                 && let Some(gradient) = &refinement.gradient
             {
@@ -337,11 +352,21 @@ impl<'a> Trainer<'a> {
             let weight = self.supervision.virtual_views[k].weight;
             loss += weight * self.config.loss.virtual_weight * total(part);
         }
+        let depths = match &self.depths {
+            Some(depths) => {
+                let view = &self.supervision.real[real];
+                let losses = depths.losses(self.gpu, done.saturating_sub(1), view)?;
+                loss += losses.map_or(0.0, |losses| depths.total(&losses));
+                losses
+            }
+            None => None,
+        };
         Ok(LossSample {
             iteration: done,
             loss,
             real: part(0),
             virt,
+            depths,
         })
     }
 

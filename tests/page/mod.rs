@@ -73,6 +73,7 @@ pub(crate) fn photograph(name: &str) -> View {
         camera: camera(name, 0.4),
         image: plain([10, 10, 200]),
         mask: None,
+        prior: None,
     }
 }
 
@@ -113,6 +114,7 @@ pub(crate) fn metrics(name: &str) -> Metrics {
         loss: 0.2,
         real: part,
         virt: Some(part),
+        depths: None,
     };
     let curve = |iteration, psnr| CurvePoint {
         iteration,

@@ -101,6 +101,7 @@ pub fn scene(options: &BuiltinOptions) -> Scene {
             camera,
             image: traced.image,
             mask: None,
+            prior: None,
         })
         .collect();
     let test = test_cameras(width, options.n_test)
@@ -109,6 +110,7 @@ pub fn scene(options: &BuiltinOptions) -> Scene {
             image: render(&camera),
             camera,
             mask: None,
+            prior: None,
         })
         .collect();
     Scene {
