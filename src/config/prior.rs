@@ -8,7 +8,7 @@ const U32: f64 = u32::MAX as f64;
 section! {
     /// Depths and normals that the training views are held to beside their photographs.
     struct PriorConfig {
-        /// Where they come from.
+        /// Source of these depths and normals.
         source: PriorSource = PriorSource::None, any();
         /// What the files' depths are.
         depths: PriorDepths = PriorDepths::Metric, any();
@@ -36,7 +36,7 @@ section! {
 }
 
 choice! {
-    /// Where depths and normals come from.
+    /// Source of depths and normals.
     enum PriorSource {
         /// There are none.
         None = "none",

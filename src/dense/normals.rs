@@ -6,8 +6,8 @@ use super::DepthMap;
 use super::edges::is_edge;
 
 /// Returns for every pixel with a depth that is on no edge the normal of the surface, in the camera's axes
-/// and on its side, by the depths of its four neighbours; row 0 on top. Where nothing is next to a
-/// pixel, it is an edge.
+/// and on its side, by the depths of its four neighbours; row 0 on top. A pixel next to
+/// one without a depth is an edge.
 pub fn normals(map: &DepthMap) -> Vec<Option<DVec3>> {
     let (width, height) = (map.camera.width as usize, map.camera.height as usize);
     let point = |x: usize, y: usize| {

@@ -131,7 +131,7 @@ pub(super) fn hold_losses(
     out: &mut Findings,
 ) -> Result<()> {
     let plane = 4 * rig.view.plane_len();
-    // Of depths that are all one, an error's sign is rounding's.
+    // An error's sign is rounding's if all depths are one.
     let covered = depths.pixels.iter().filter(|p| p.alpha > 0.5);
     let covered: Vec<f64> = covered.map(|p| p.sum / p.alpha).collect();
     let nearest = covered.iter().copied().fold(f64::INFINITY, f64::min);

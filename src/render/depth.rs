@@ -167,9 +167,9 @@ impl DepthSize {
 /// Records of sums, beside that of the image.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Records {
-    /// Of the rows of patches.
+    /// Those of the rows of patches.
     pub(super) rows: usize,
-    /// Of patches.
+    /// Those of patches.
     pub(super) patches: usize,
 }
 

@@ -12,6 +12,7 @@
 pub mod capacity;
 pub mod checkpoint;
 mod contribution;
+mod depth_target;
 mod depths;
 mod dropout;
 mod goal;
@@ -37,7 +38,8 @@ pub mod trim;
 
 pub use capacity::TrainingBytes;
 pub use checkpoint::fingerprint;
-pub use depths::{DepthLosses, DepthTarget};
+pub use depth_target::DepthTarget;
+pub use depths::DepthLosses;
 pub use goal::Goal;
 pub use observer::Observer;
 pub use pose_adam::PoseAdam;

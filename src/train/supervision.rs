@@ -1,6 +1,6 @@
 //! The supervision is what a training run learns from.
 
-use super::depths::DepthTarget;
+use super::depth_target::DepthTarget;
 use super::goal::Goal;
 use super::shell::Shell;
 use crate::camera::Camera;

@@ -201,7 +201,7 @@ pub fn depth_loss_gradient(
     if loss.kind != TwinDepthKind::Pearson {
         let (scale, shift) = fit(&sums, loss.kind);
         let sign = |p: &Pair| p.3 * (scale * p.2 + shift - p.1).signum();
-        // Of the loss with respect to scale and shift.
+        // The loss's derivatives by shift and scale.
         let d_shift: f64 = pairs.iter().map(sign).sum::<f64>() / sums.m;
         let d_scale: f64 = pairs.iter().map(|p| sign(p) * p.2).sum::<f64>() / sums.m;
         for p in &pairs {
