@@ -1,5 +1,5 @@
 // Sums the pairs' gradients, first by aligned blocks, in place, so that no thread adds
-// up thousands of them in a row: PAIR_BLOCK pairs, then PAIR_BLOCK such blocks. A Gaussian's pairs
+// up thousands of them in a row: PAIR_BLOCK pairs, then PAIR_BLOCK such blocks, which one workgroup has. A Gaussian's pairs
 // lie together, so a block whose first and last pair are of one Gaussian is that Gaussian's alone;
 // its sums replace those of its first pair. Other blocks stay as they are, and most are such. Then
 // sum_gaussians adds up what is left of each Gaussian.
@@ -50,11 +50,10 @@ fn sum_block(thread: u32, stride: u32) {
 @compute @workgroup_size(WORKGROUP)
 fn sum_pairs(thread: Thread) {
     sum_block(thread_index(thread), 1u);
-}
-
-@compute @workgroup_size(WORKGROUP)
-fn sum_pair_blocks(thread: Thread) {
-    sum_block(thread_index(thread), PAIR_BLOCK);
+    storageBarrier();
+    if (thread.local % PAIR_BLOCK == 0u) {
+        sum_block(thread_index(thread) / PAIR_BLOCK, PAIR_BLOCK);
+    }
 }
 
 // One thread a Gaussian: the sum of all its pairs, in their fixed order.

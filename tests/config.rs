@@ -460,8 +460,10 @@ fn changes_are_the_values_that_differ_from_the_preset() {
         let config = Config::preset(preset).unwrap();
         assert!(config.changes().unwrap().is_empty());
         assert!(config.set("seed=9").unwrap().changes().unwrap().is_empty());
-        let run = config.set("render.rasterizer=thread").unwrap();
-        assert!(run.changes().unwrap().is_empty(), "the adapter's");
+        for left in ["render.rasterizer=thread", "render.exp2=polynomial"] {
+            let run = config.set(left).unwrap();
+            assert!(run.changes().unwrap().is_empty(), "the adapter's: {left}");
+        }
     }
     let mut config = Config::preset("paper").unwrap();
     for setting in ["views.count=8", "iterations=500", "scene.max_points=90"] {
@@ -478,12 +480,17 @@ fn changes_are_the_values_that_differ_from_the_preset() {
 #[test]
 fn a_run_departs_from_what_was_asked_but_not_from_what_was_left_to_its_adapter() {
     let asked = paper();
-    let run = asked.set("render.rasterizer=workgroup").unwrap();
-    assert!(run.departures(&asked).unwrap().is_empty());
-    let stated = asked.set("render.rasterizer=thread").unwrap();
-    let departures = run.departures(&stated).unwrap();
-    let keys: Vec<&str> = departures.iter().map(|d| d.key.as_str()).collect();
-    assert_eq!(keys, ["render.rasterizer"]);
-    let other = run.set("iterations=7").unwrap();
-    assert_eq!(other.departures(&asked).unwrap().len(), 1);
+    for (key, decided, other) in [
+        ("render.rasterizer", "workgroup", "thread"),
+        ("render.exp2", "adapter", "polynomial"),
+    ] {
+        let run = asked.set(&format!("{key}={decided}")).unwrap();
+        assert!(run.departures(&asked).unwrap().is_empty());
+        let stated = asked.set(&format!("{key}={other}")).unwrap();
+        let departures = run.departures(&stated).unwrap();
+        let keys: Vec<&str> = departures.iter().map(|d| d.key.as_str()).collect();
+        assert_eq!(keys, [key]);
+        let other = run.set("iterations=7").unwrap();
+        assert_eq!(other.departures(&asked).unwrap().len(), 1);
+    }
 }

@@ -232,9 +232,14 @@ choice! {
 section! {
     /// How views are rendered.
     struct RenderConfig {
-        /// What rasterizes a tile: a `thread`, for drivers that run on a CPU, or a `workgroup`, for GPUs;
-        /// `auto` is the one for the adapter, and a run's `config.json` says which that was.
+        /// What rasterizes a tile: a `thread`, for drivers that run on a CPU, or a `workgroup`, for GPUs and for as many
+        /// Gaussians and pixels as the small tiles of a `thread` have no room for; `auto` is the one for the adapter, the images' size and
+        /// the cloud, and a run's `config.json` says which that was.
         rasterizer: RasterizerChoice = RasterizerChoice::Auto, any();
+        /// Whose 2^x the rasterizers take: the program's `polynomial`, or that of the `adapter` where a check at the
+        /// start finds it within 2 units in the last place; `auto` is the one for the adapter, and a run's `config.json`
+        /// says which that was.
+        exp2: Exp2Choice = Exp2Choice::Auto, any();
         /// Target images stay on the adapter up to this much, the photographs' first; the others are
         /// unpacked and uploaded when it is their turn. null: 2048 on a GPU, 0 on a driver that runs on
         /// a CPU.
@@ -246,13 +251,27 @@ choice! {
     /// How the rasterizers share an image out among the adapter's threads. Images are the same;
     /// gradients are summed up in another order, so that trainings differ in their last bits.
     enum RasterizerChoice {
-        /// `thread` on a driver that runs on a CPU, `workgroup` on a GPU; a run's `config.json` says
+        /// `thread` on a driver that runs on a CPU, as long as it has room, `workgroup` on a GPU; a run's `config.json` says
         /// which of them it was.
         Auto = "auto",
         /// One thread a tile of 4x8 pixels.
         Thread = "thread",
         /// One workgroup of 64 threads a tile of 16x16 pixels.
         Workgroup = "workgroup",
+    }
+}
+
+choice! {
+    /// Whose 2^x the rasterizers take; trainings differ in their last bits.
+    enum Exp2Choice {
+        /// `polynomial` on a driver that runs on a CPU, `adapter` on a GPU; a run's `config.json` says
+        /// which of them it was.
+        Auto = "auto",
+        /// The program's own, the same on every adapter.
+        Polynomial = "polynomial",
+        /// The adapter's, a third of the forward rasterizer's instructions less; the polynomial where the adapter's is off by
+        /// more than 2 units in the last place.
+        Adapter = "adapter",
     }
 }
 

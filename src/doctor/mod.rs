@@ -39,7 +39,7 @@ use self::loss::{Kind, LossCase, MaskKind};
 use self::timing::Timing;
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::gpu::{Gpu, Rasterizer};
+use crate::gpu::{Exp2, Gpu, Rasterizer, exp2};
 use crate::version::VERSION;
 
 /// The doctor's findings on an adapter, and its verdict.
@@ -108,7 +108,7 @@ pub fn examine(gpu: Gpu) -> Result<Report> {
         .at(&adapter.name)
         .way_out("update its driver, or use another adapter"));
     }
-    let mut ctx = Context::new(gpu);
+    let mut ctx = Context::new(gpu)?;
     let config = Config::preset("paper")?;
     let mut findings = examine_kernels(&ctx)?;
     let mut timings = timing::time_rest(&ctx)?;
@@ -164,6 +164,20 @@ pub fn examine_views(ctx: &Context) -> Result<Vec<Finding>> {
     Ok(findings)
 }
 
+/// Holds 2^x, as the rasterizers take it, to exact powers; errors and bounds are units in the last place.
+///
+/// # Errors
+/// A GPU fault.
+pub fn examine_exp2(ctx: &Context) -> Result<Findings> {
+    let mut findings = Findings::of(match ctx.exp2 {
+        Exp2::Polynomial => "polynomial",
+        Exp2::Adapter => "the adapter's own",
+    });
+    let ulps = exp2::worst_ulps(&ctx.gpu, &ctx.powers)?;
+    findings.add((stage::EXP2, "ulp"), ulps, exp2::MOST_ULPS);
+    Ok(findings)
+}
+
 /// Holds the image losses to the reference, with the context's rasterizer.
 ///
 /// # Errors
@@ -183,6 +197,7 @@ pub fn examine_losses(ctx: &Context) -> Result<Vec<Finding>> {
 /// A GPU fault.
 pub fn examine_kernels(ctx: &Context) -> Result<Vec<Finding>> {
     let mut findings = examine_views(ctx)?;
+    findings.extend(examine_exp2(ctx)?.list);
     findings.extend(examine_losses(ctx)?);
     for degree in 0..4 {
         for n_views in [1, 2] {

@@ -5,13 +5,13 @@ use bytemuck::Pod;
 use glam::{DMat3, DVec3, Vec3};
 
 use crate::camera::Camera;
-use crate::config::RasterizerChoice;
+use crate::config::{Exp2Choice, RasterizerChoice};
 use crate::doctor::twin::dropout::TwinDropout;
 use crate::doctor::twin::model::{TwinCamera, TwinGaussians};
 use crate::error::Result;
 use crate::gaussians::Gaussians;
-use crate::gpu::shader::{self, Sources};
-use crate::gpu::{Buffer, Commands, Gpu, Rasterizer};
+use crate::gpu::shader::Sources;
+use crate::gpu::{Buffer, Commands, Exp2, Gpu, Kernel, Rasterizer, exp2};
 use crate::render::{
     Bound, Capacity, Kernels, LossUniform, Model, Pass, PassStep, PoseKernels, Rendered,
     ViewUniform, Workspace, read_rendered, read_totals, until_it_fits,
@@ -29,13 +29,22 @@ pub struct Context {
     pub optimizer: OptimizerKernels,
     /// Kernels of the gradient with respect to the camera's pose.
     pub pose: PoseKernels,
+    /// Whose 2^x the program's own kernels take.
+    pub exp2: Exp2,
+    /// Takes 2^x as the rasterizers do.
+    pub powers: Kernel,
 }
 
 impl Context {
-    /// Takes all kernels, with the rasterizer that the rule gives this adapter.
-    pub fn new(gpu: Gpu) -> Context {
+    /// Takes all kernels, with the rasterizer and the 2^x that the rules give this adapter.
+    ///
+    /// # Errors
+    /// A GPU fault.
+    pub fn new(gpu: Gpu) -> Result<Context> {
         let rasterizer = Rasterizer::of(RasterizerChoice::Auto, &gpu);
-        Self::from_sources(gpu, rasterizer, &shader::compose)
+        let exp2 = Exp2::of(Exp2Choice::Auto, &gpu)?;
+        let ctx = Self::from_sources(gpu, rasterizer, exp2.sources());
+        Ok(Context { exp2, ..ctx })
     }
 
     /// Does the same as [`Context::new`] with another rasterizer, and other sources than the program's.
@@ -44,6 +53,8 @@ impl Context {
             kernels: Kernels::from_sources(rasterizer, sources),
             optimizer: OptimizerKernels::from_sources(sources),
             pose: PoseKernels::from_sources(sources),
+            exp2: Exp2::Polynomial,
+            powers: exp2::kernel(sources),
             gpu,
         }
     }
@@ -51,7 +62,7 @@ impl Context {
     /// Makes a context of the same adapter with another rasterizer.
     pub fn with_rasterizer(self, rasterizer: Rasterizer) -> Context {
         Context {
-            kernels: Kernels::with(rasterizer),
+            kernels: Kernels::from_sources(rasterizer, self.exp2.sources()),
             ..self
         }
     }

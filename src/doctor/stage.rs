@@ -21,6 +21,8 @@ pub const BIN_WORKGROUP: &str = "bin, workgroup";
 pub const TILE_RANGES: &str = "tile_ranges";
 /// Orders the tiles of a block by the length of their lists.
 pub const TILE_ORDER: &str = "tile_order";
+/// Takes 2^x, whichever the rule gives the adapter.
+pub const EXP2: &str = "2^x";
 /// Blends the splats of each tile to an image.
 pub const RASTERIZE: &str = "rasterize";
 /// Blends the splats of each tile, a workgroup a tile.
@@ -55,7 +57,7 @@ pub const FIELD: &str = "field, on the CPU";
 pub const POINT_SPLAT: &str = "point splat, on the CPU";
 
 /// Every stage, in the order of the flow.
-pub const ALL: [&str; 25] = [
+pub const ALL: [&str; 26] = [
     PROJECT,
     SCAN,
     SCAN_WORKGROUP,
@@ -65,6 +67,7 @@ pub const ALL: [&str; 25] = [
     BIN_WORKGROUP,
     TILE_RANGES,
     TILE_ORDER,
+    EXP2,
     RASTERIZE,
     RASTERIZE_WORKGROUP,
     LOSS,

@@ -8,7 +8,7 @@ use super::view::{TIMED_GAUSSIANS, TIMED_SIZE, ViewCase};
 use super::{adam, changes, loss, stage};
 use crate::doctor::twin::random::Random;
 use crate::error::Result;
-use crate::gpu::{Commands, Profile, Rasterizer};
+use crate::gpu::{Commands, Profile, Rasterizer, exp2};
 use crate::render::{LossUniform, Pass, PoseGradient, read_totals};
 use crate::train::optimizer::StepUniform;
 
@@ -238,6 +238,18 @@ pub fn time_rest(ctx: &Context) -> Result<Vec<Timing>> {
         watch.keep(stage::ADAM, seconds);
     }
     let mut timings = vec![watch.timing(stage::ADAM, n, "Gaussians")];
+    let mut powers = f64::INFINITY;
+    for _ in 0..ROUNDS {
+        let clock = Clock::start();
+        exp2::worst_ulps(gpu, &ctx.powers)?;
+        powers = powers.min(clock.seconds());
+    }
+    timings.push(Timing::wall(
+        stage::EXP2,
+        exp2::N_CHECKED,
+        "exponents",
+        powers,
+    ));
     // Both submit themselves.
     let mut optimizer = optimizer;
     let plan = changes::random_plan(n, n, 3);

@@ -114,8 +114,8 @@ pub fn ssim_window() -> [f64; SSIM_WINDOW] {
     window.map(|w| w / sum)
 }
 
-/// Returns the constants as WGSL declarations, with the active SH degree.
-pub fn prelude(sh_degree: u32) -> String {
+/// Returns the constants as WGSL declarations, with the active SH degree, and whether 2^x is the adapter's own.
+pub fn prelude(sh_degree: u32, exp2_of_adapter: bool) -> String {
     let mut out = String::new();
     for (name, value) in [
         ("SH_DEGREE", sh_degree),
@@ -173,6 +173,7 @@ pub fn prelude(sh_degree: u32) -> String {
     ] {
         let _ = writeln!(out, "const {name} = f32({value:e});");
     }
+    let _ = writeln!(out, "const EXP2_OF_ADAPTER = {exp2_of_adapter};");
     let window = ssim_window();
     let _ = writeln!(
         out,

@@ -80,9 +80,10 @@ impl Rasterizer {
     pub const ALL: [Rasterizer; 2] = [Rasterizer::Thread, Rasterizer::Workgroup];
 
     /// Resolves what a config asks for on an adapter. A choice by measurement could be another one in the next
-    /// run, with other bits; so what stands here is a rule, of the adapter's kind alone: GPUs
+    /// run, with other bits; so what stands here is a rule, of the adapter's kind: GPUs
     /// take the workgroup's, whose registers fit them and whose lists have three to five times fewer
-    /// pairs to make, sort and sum. No GPU has been measured; `gspotential doctor` times both.
+    /// pairs to make, sort and sum. No GPU has been measured; `gspotential doctor` times both. `render::rasterizer_for` goes by
+    /// the scene's size as well.
     pub fn of(choice: RasterizerChoice, gpu: &Gpu) -> Rasterizer {
         match (choice, gpu.info.device_type) {
             (RasterizerChoice::Thread, _) => Rasterizer::Thread,

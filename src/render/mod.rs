@@ -23,7 +23,7 @@ mod uniforms;
 mod workspace;
 
 pub use buffers::WorkspaceBytes;
-pub use capacity::{Capacity, first_pairs, most_pairs};
+pub use capacity::{Capacity, first_pairs, most_pairs, rasterizer_for};
 pub use kernels::{Bound, Device, Kernels};
 pub use median::NO_MEDIAN;
 pub use model::{BLOCK_PLANES, Model, block_bytes, model_bytes, most_gaussians, n_blocks};

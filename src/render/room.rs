@@ -5,10 +5,10 @@
 use super::capacity::{Capacity, most_pairs};
 use super::workspace::Workspace;
 use crate::error::{Error, Result};
-use crate::gpu::Gpu;
 use crate::gpu::constants::{
     LIST_SLICE, N_TOTALS, TOTAL_LONGEST, TOTAL_MAX, TOTAL_OVERFLOW, TOTAL_PAIRS,
 };
+use crate::gpu::{Gpu, Rasterizer};
 
 /// Counts that the GPU keeps.
 #[derive(Clone, Copy, Debug)]
@@ -23,6 +23,8 @@ pub struct Totals {
     pub overflow_step: u32,
     /// Room that the workspace had.
     capacity: Capacity,
+    /// Whether it has room for the pairs' gradients.
+    trains: bool,
 }
 
 /// Waits for the GPU and reads its counts.
@@ -38,6 +40,7 @@ pub fn read_totals(gpu: &Gpu, workspace: &Workspace) -> Result<Totals> {
         longest: total(TOTAL_LONGEST),
         overflow_step: totals[TOTAL_OVERFLOW as usize],
         capacity: workspace.capacity,
+        trains: workspace.trains,
     })
 }
 
@@ -46,7 +49,7 @@ impl Totals {
     /// ones fit, too; `None` if it had room.
     ///
     /// # Errors
-    /// There are more pairs than can be counted, or the driver reports an overflow of what fits.
+    /// There are more pairs than can be counted or bound, or the driver reports an overflow of what fits.
     pub fn room(&self, gpu: &Gpu) -> Result<Option<Capacity>> {
         let capacity = self.capacity;
         if self.overflow_step == 0 {
@@ -58,6 +61,22 @@ impl Totals {
                     "use fewer or smaller Gaussians (`--max-points`) or smaller images (`--max-size`)",
                 ),
             );
+        }
+        // Without gradients, a pair's largest entry is one of the sort.
+        let most = most_pairs(gpu) * if self.trains { 1 } else { 2 };
+        if self.max > most {
+            let larger = match capacity.rasterizer {
+                Rasterizer::Thread => "larger tiles (`--set render.rasterizer=workgroup`), ",
+                Rasterizer::Workgroup => "",
+            };
+            let what = format!(
+                "a view has {} (tile, Gaussian) pairs, and the adapter binds {most} at once",
+                self.max
+            );
+            return Err(Error::new(what).at(&gpu.info.name).way_out(format!(
+                "use {larger}fewer or smaller Gaussians (`--max-points`, `--set densify.max_gaussians=N`) or smaller \
+                 images (`--max-size`)"
+            )));
         }
         let mut room = capacity;
         if self.max > capacity.pairs {

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::eval::{self, EvalOptions};
 use crate::field::{Field, Focus};
 use crate::gaussians::ply::read_ply;
-use crate::gpu::{Gpu, Rasterizer};
+use crate::gpu::Gpu;
 use crate::pipeline::{TrainJob, focus_of};
 use crate::render::{Device, Kernels};
 use crate::report::plot::{Axis, Plot, Point, Style};
@@ -170,7 +170,7 @@ pub(crate) fn measure(
     views: &[View],
     options: &EvalOptions,
 ) -> Result<Evaluation> {
-    let kernels = Kernels::with(Rasterizer::of(run.job.config.render.rasterizer, gpu));
+    let kernels = Kernels::of(&run.job.config.render, gpu)?;
     let device = Device {
         gpu,
         kernels: &kernels,

@@ -100,6 +100,11 @@ pub fn densifies(config: &Config, done: u32) -> bool {
         && due(config, done, densify.interval)
 }
 
+/// Returns whether the set or its opacities change after `done` iterations.
+pub fn changes(config: &Config, done: u32) -> bool {
+    densifies(config, done) || prunes_by_coverage(config, done) || resets_opacity(config, done)
+}
+
 /// Returns whether coverage-aware pruning follows after `done` iterations.
 pub fn prunes_by_coverage(config: &Config, done: u32) -> bool {
     let coverage = &config.coverage;

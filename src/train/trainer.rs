@@ -183,11 +183,8 @@ impl<'a> Trainer<'a> {
             let views = self.step(done, profile);
             self.refine(done, views.real)?;
             done += 1;
-            let changes = schedule::densifies(config, done)
-                || schedule::prunes_by_coverage(config, done)
-                || schedule::resets_opacity(config, done);
-            let looks =
-                changes || done.is_multiple_of(LOOK_INTERVAL) || done == self.settling.until;
+            let changes = schedule::changes(config, done);
+            let looks = self.looks(done);
             let keeps = observer.keeps(done);
             let measures = self.measures(done);
             if !(looks || observer.inspects(done) || keeps || times || measures) {
@@ -240,6 +237,12 @@ impl<'a> Trainer<'a> {
         })
     }
 
+    /// Says whether a loss is sampled after `done` iterations, whatever a measurement then decides.
+    fn looks(&self, done: u32) -> bool {
+        let changes = schedule::changes(self.config, done);
+        changes || done.is_multiple_of(LOOK_INTERVAL) || done == self.settling.until
+    }
+
     /// Compiles the pipelines of the iteration that comes next. Those that only a later one needs are
     /// compiled then.
     pub fn compile(&mut self) {
@@ -266,6 +269,8 @@ impl<'a> Trainer<'a> {
         let real = self.real_order.view(iteration).unwrap_or(0);
         let virtual_view = self.virtual_order.view(iteration);
         let dropout = schedule::dropout(config, iteration);
+        // A measurement may find that this was the last iteration, whose loss is sampled.
+        let sampled = self.looks(iteration + 1) || self.measures(iteration + 1);
         let mut centers = Vec::with_capacity(2);
         let chosen = [
             Some((&self.supervision.real[real], self.real[real], real)),
@@ -296,7 +301,10 @@ impl<'a> Trainer<'a> {
                 },
             );
             pass.forward(commands);
-            pass.loss(commands, loss);
+            pass.loss_gradient(commands, loss);
+            if sampled {
+                pass.sum_losses(commands);
+            }
             pass.backward(commands);
             if let (0, Some(refinement)) = (slot, &self.refinement)
                 && let Some(gradient) = &refinement.gradient

@@ -6,7 +6,8 @@ use gspotential::doctor::loss::{Kind, LossCase, MaskKind};
 use gspotential::doctor::twin::cases::{cover, huge, random_scene};
 use gspotential::doctor::view::{COVERS, ORDINARY, ViewCase};
 use gspotential::doctor::{
-    Adapter, Context, Finding, RasterizerReport, Report, adam, changes, loss, stage, view,
+    Adapter, Context, Finding, RasterizerReport, Report, adam, changes, examine_exp2, loss, stage,
+    view,
 };
 use gspotential::error::Result;
 use gspotential::gpu::shader::{STAGES, compose};
@@ -45,6 +46,7 @@ fn findings(ctx: &Context) -> Result<Vec<Finding>> {
     for case in view::extreme_cases() {
         findings.extend(view::examine(ctx, &case)?.0.list);
     }
+    findings.extend(examine_exp2(ctx)?.list);
     for mask in [None, Some(MaskKind::Any)] {
         let (size, kind) = ((33, 17), Kind::Noise);
         findings.extend(loss::examine(ctx, &LossCase { size, kind, mask })?.list);

@@ -45,7 +45,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-pub(crate) const PLANTS: [Plant; 53] = [
+pub(crate) const PLANTS: [Plant; 58] = [
     plant(
         "project",
         "+ DILATION;",
@@ -132,6 +132,12 @@ pub(crate) const PLANTS: [Plant; 53] = [
         stage::TILE_ORDER,
     ),
     plant(
+        "exp2",
+        "p = p * f + EXP2_C2;",
+        "p = p * f + 1.00001 * EXP2_C2;",
+        stage::EXP2,
+    ),
+    plant(
         "rasterize",
         "raw >= vec4f(ALPHA_MIN)",
         "raw >= vec4f(2.0 * ALPHA_MIN)",
@@ -189,6 +195,24 @@ pub(crate) const PLANTS: [Plant; 53] = [
         "radix_workgroup",
         "sort_half(thread.local, 20u);",
         "",
+        stage::RADIX_SORT_WORKGROUP,
+    ),
+    plant(
+        "radix_workgroup",
+        "sum_of_all << 16u",
+        "0u",
+        stage::RADIX_SORT_WORKGROUP,
+    ),
+    plant(
+        "radix_workgroup",
+        "digit_counts[row + at + 3u] = own;",
+        "digit_counts[row + at + 3u] = own + 1u;",
+        stage::RADIX_SORT_WORKGROUP,
+    ),
+    plant(
+        "radix_workgroup",
+        "let count_1 = digit_counts[DIGITS * n_blocks + own + 1u];",
+        "let count_1 = digit_counts[DIGITS * n_blocks + own];",
         stage::RADIX_SORT_WORKGROUP,
     ),
     plant(
@@ -274,6 +298,12 @@ pub(crate) const PLANTS: [Plant; 53] = [
         "sum_pairs",
         "i < PAIR_BLOCK; i++",
         "i < PAIR_BLOCK - 1u; i++",
+        stage::SUM_PAIRS,
+    ),
+    plant(
+        "sum_pairs",
+        "sum_block(thread_index(thread) / PAIR_BLOCK, PAIR_BLOCK);",
+        "",
         stage::SUM_PAIRS,
     ),
     plant(
