@@ -51,3 +51,4 @@ mod spz;
 mod study;
 mod views;
 mod visibility;
+mod warp;

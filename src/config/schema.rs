@@ -216,6 +216,24 @@ section! {
         filter_window_px: u32 = 5, odd_window();
         /// Pixels with fewer valid neighbours in the window are removed; 0 switches the filter off.
         filter_min_neighbors: u32 = 2, within(0.0, 3968.0).unit("pixels");
+        /// What colours the covered pixels of the virtual views: the `points` of the cloud; the
+        /// `photographs`, warped by the cloud's depth, where one sees the surface; or a `blend` of both by the
+        /// errors that each has at the photographs, which also weighs the pixels. The last two want discs.
+        colors: ColorSource = ColorSource::Points, any();
+    }
+}
+
+choice! {
+    /// What colours a virtual view.
+    enum ColorSource {
+        /// The points of the cloud.
+        Points = "points",
+        /// The photographs, by the eighth power of the cosine between rays; the points where none sees
+        /// the surface.
+        Photographs = "photographs",
+        /// Both by the inverse of the variances that they have at photographs which are left out; pixels
+        /// whose expected error is large weigh less.
+        Blend = "blend",
     }
 }
 

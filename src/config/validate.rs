@@ -3,7 +3,7 @@
 use std::fmt::Display;
 
 use super::declare::{Entry, Value as _, any};
-use super::{Config, Strategy};
+use super::{ColorSource, Config, Footprint, Strategy};
 use crate::error::{Error, Result};
 
 impl Config {
@@ -91,6 +91,17 @@ impl Config {
             "need.hold_out",
             self.need.hold_out,
             "2 or more with need.ends, need.prune or need.max_mb: held-out views decide",
+        )?;
+        let is_plain = self.splat.colors == ColorSource::Points;
+        ensure(
+            is_plain || self.splat.footprint == Footprint::Disc,
+            "splat.colors",
+            if is_plain {
+                "points"
+            } else {
+                "photographs or blend"
+            },
+            "points with splat.footprint pixel, which leaves no surface to warp by",
         )?;
         let visibility = self.views.visibility.enabled;
         ensure(

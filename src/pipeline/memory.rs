@@ -1,7 +1,7 @@
 //! This module predicts what a run will need before it trains, by part and as tables.
 
 use super::Prepared;
-use crate::cloud::{splat, visibility};
+use crate::cloud::{splat, visibility, warp};
 use crate::config::Config;
 use crate::files::peak_host_bytes;
 use crate::gaussians::Gaussians;
@@ -98,7 +98,11 @@ fn splatting_bytes(scene: &Scene, config: &Config) -> u64 {
         true => visibility::bytes_a_point(scene.train.len()),
         false => 0,
     };
-    (scene.cloud.len() * (splat::BYTES_A_POINT + visibility)) as u64
+    let warp = match config.views.count {
+        0 => 0,
+        _ => warp::bytes_a_point(config.splat.colors),
+    };
+    (scene.cloud.len() * (splat::BYTES_A_POINT + visibility + warp)) as u64
 }
 
 fn gaussian_bytes(gaussians: &Gaussians) -> u64 {

@@ -10,6 +10,7 @@ use crate::cloud::agreement::Agreement;
 use crate::cloud::carve::{Carved, carve};
 use crate::cloud::splat::{SplatImage, fill_holes, splat_where};
 use crate::cloud::visibility::{Visibility, candidate_shares};
+use crate::cloud::warp::Warp;
 use crate::config::{Config, VisibilityConfig};
 use crate::error::Result;
 use crate::field::{Coverage, Field, Focus, Outlook, fibonacci_sphere};
@@ -75,8 +76,18 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
         true => 0.0,
         false => config.loss.fill_weight,
     };
+    let warp = match virtual_cameras.is_empty() {
+        true => None,
+        false => Warp::new(
+            cloud,
+            &frame,
+            &scene.train,
+            config,
+            frame.near(config.model.near),
+        )?,
+    };
     let cameras = (&virtual_cameras[..], &train_cameras[..]);
-    let goals = splatted(cloud, &frame, cameras, fill_weight, config)?;
+    let goals = splatted(cloud, &frame, cameras, (fill_weight, warp.as_ref()), config)?;
     seconds.splat = Some(clock.lap());
 
     let thinned = thin(cloud, n_start(scene, config), config.seed);
@@ -89,6 +100,7 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     let mut warnings: Vec<String> = focus.fallback.into_iter().collect();
     warnings.extend(outlook.warning(&train_cameras));
     warnings.extend(carved.as_ref().and_then(|c| c.warning.clone()));
+    warnings.extend(warp.and_then(|w| w.warning));
     if is_cut_out(scene) && (config.shell.count > 0 || config.loss.fill_weight > 0.0) {
         warnings.push(
             "the subject is cut out by its masks: no far shell and no filled holes".to_owned(),
@@ -191,13 +203,13 @@ pub(super) fn choose_views(
 }
 
 /// Splats the cloud into the virtual views as their target images, as far as the training cameras
-/// see it if `config` asks for that. It goes portion by portion to show how far it is, and packs so
+/// see it if `config` asks for that, and has the `warp` paint them. It goes portion by portion to show how far it is, and packs so
 /// that never more than a portion is held as it is.
 fn splatted(
     cloud: &PointCloud,
     frame: &Frame,
     (cameras, train): (&[Camera], &[Camera]),
-    fill_weight: f64,
+    (fill_weight, warp): (f64, Option<&Warp<'_>>),
     config: &Config,
 ) -> Result<Vec<Goal>> {
     let near = frame.near(config.model.near);
@@ -217,7 +229,10 @@ fn splatted(
     let mut progress = Progress::stage("splatting", cameras.len() as u32);
     let mut goals = Vec::with_capacity(cameras.len());
     for part in cameras.chunks(portion) {
-        let splats = splat_where(cloud, frame, (part, train), &config.splat, near, shows)?;
+        let mut splats = splat_where(cloud, frame, (part, train), &config.splat, near, shows)?;
+        if let Some(warp) = warp {
+            warp.paint(part, &mut splats)?;
+        }
         goals.extend(virtual_goals(splats, fill_weight));
         progress.advance(goals.len() as u32);
     }
