@@ -236,7 +236,7 @@ fn smoothed(errors: &[[f64; 3]], counts: &[bool], width: usize) -> Vec<[f64; 3]>
                 }
             }
         }
-        sum.map(|sum| sum / n)
+        sum.map(|sum| sum / f64::max(n, 1.0))
     };
     (0..errors.len()).map(around).collect()
 }
