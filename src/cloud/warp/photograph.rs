@@ -38,26 +38,26 @@ impl<'a> Photograph<'a> {
     }
 
     /// Returns the colour, RGB in [0, 255], at which the photograph shows the canonical point `p`;
-    /// `None` where it does not see it: outside, or not within `depth_tolerance` of its surface.
+    /// `None` where it does not see it: outside the centres of its outermost pixels, or not within
+    /// `depth_tolerance` of its surface.
     pub(super) fn color(&self, p: DVec3, near: f64, depth_tolerance: f64) -> Option<[f32; 3]> {
         let (place, depth) = self.camera.project(p);
-        let size = DVec2::new(self.camera.width.into(), self.camera.height.into());
+        let half = DVec2::splat(0.5);
+        let last = DVec2::new(self.camera.width.into(), self.camera.height.into()) - half;
         // Written so that NaN fails; then the place fits an index.
-        if !(depth > near && place.cmpge(DVec2::ZERO).all() && place.cmplt(size).all()) {
+        if !(depth > near && place.cmpge(half).all() && place.cmple(last).all()) {
             return None;
         }
         let pixel = place.y as usize * self.surface.width + place.x as usize;
         let ratio = depth * f64::from(self.surface.inverse[pixel]);
         let sees = (ratio - 1.0).abs() <= depth_tolerance;
-        sees.then(|| self.bilinear(place))
+        sees.then(|| self.bilinear(place - half))
     }
 
-    /// Interpolates between the four pixels around a place within the image; the outermost pixels go
-    /// on beyond their centres.
+    /// Interpolates between the four pixels around a place, in pixels from the first's centre.
     fn bilinear(&self, place: DVec2) -> [f32; 3] {
         let image = &self.view.image;
         let axis = |at: f64, size: u32| {
-            let at = (at - 0.5).max(0.0);
             let low = at as usize;
             (
                 low,
