@@ -7,16 +7,20 @@
 //! take, and the entries that tiles go through are counted. Dispatches are those of the program. From
 //! them each stage has bytes, arithmetic and a longest chain of dependent loads, and takes the longest of
 //! the three on a GPU, with what its dispatches cost beside it. Caches hold what neighbours share and no
-//! more; no stage overlaps another; a full GPU gives [`SHARE`] of its arithmetic and of its bandwidth.
+//! more; no stage overlaps another; a full GPU gives [`SHARE`] of its arithmetic and of its bandwidth. 2^x is the
+//! GPU's own. Waves of 32 lanes skip splats that reach none of their rows.
+//!
+//! The longest dispatch of all is told, too: a system's watchdog ends those of some seconds.
 
 mod kit;
 
 use clap::Parser;
 use gspotential::doctor::{Context, Rig};
 use gspotential::error::Result;
-use gspotential::gpu::{Gpu, Rasterizer, shader};
+use gspotential::gaussians::Gaussians;
+use gspotential::gpu::{Commands, Gpu, Rasterizer, shader};
 use gspotential::pipeline::prepare;
-use gspotential::render::{ViewUniform, read_totals};
+use gspotential::render::{Splat, ViewUniform, read_totals};
 use gspotential::report::{Column, Table};
 use gspotential::run::Seconds;
 use gspotential::scene::LoadOptions;
@@ -39,15 +43,26 @@ struct Machine {
     bytes_a_second: f64,
     /// Instructions of one lane; a multiplication with an addition is one.
     lane_ops_a_second: f64,
+    /// Lanes a wave; a tile has 256 pixels on 64.
+    lanes: u32,
     dispatch_s: f64,
     load_s: f64,
 }
 
-const MACHINES: [Machine; 3] = [
+const MACHINES: [Machine; 4] = [
+    Machine {
+        name: "UHD 770",
+        bytes_a_second: 76.8e9,
+        lane_ops_a_second: 0.41e12,
+        lanes: 32,
+        dispatch_s: 10e-6,
+        load_s: 0.30e-6,
+    },
     Machine {
         name: "RX 6800",
         bytes_a_second: 512e9,
         lane_ops_a_second: 8.1e12,
+        lanes: 64,
         dispatch_s: 4e-6,
         load_s: 0.35e-6,
     },
@@ -55,6 +70,7 @@ const MACHINES: [Machine; 3] = [
         name: "RTX 4090",
         bytes_a_second: 1008e9,
         lane_ops_a_second: 41.3e12,
+        lanes: 32,
         dispatch_s: 3e-6,
         load_s: 0.30e-6,
     },
@@ -62,6 +78,7 @@ const MACHINES: [Machine; 3] = [
         name: "H200",
         bytes_a_second: 4800e9,
         lane_ops_a_second: 33.5e12,
+        lanes: 32,
         dispatch_s: 3e-6,
         load_s: 0.35e-6,
     },
@@ -70,9 +87,13 @@ const MACHINES: [Machine; 3] = [
 /// Share of a peak that a stage reaches.
 const SHARE: f64 = 0.6;
 
-/// Instructions a pixel and an entry of its tile's list, of the compiled loops; the backward's tree is in it.
-const FORWARD_OPS: f64 = 26.0;
-const BACKWARD_OPS: f64 = 64.0;
+/// Instructions a pixel and an entry of its tile's list, of the compiled loops; the backward's tree is in it. What
+/// [`SKIPPED_SHARE`] of them are left where a wave skips the entry.
+const FORWARD_OPS: f64 = 18.0;
+const BACKWARD_OPS: f64 = 52.0;
+const SKIPPED_SHARE: f64 = 0.15;
+/// The backward's leaves are written and summed up for skipped entries, too.
+const SKIPPED_SHARE_BACKWARD: f64 = 0.5;
 /// Instructions a pixel and channel: two window sums of eleven taps of five quantities and of three,
 /// and what is between.
 const LOSS_OPS: f64 = 260.0;
@@ -89,6 +110,9 @@ struct View {
     /// Entries up to the last that a pixel of the tile has blended, times its pixels: those that are
     /// gone through backward.
     blended: f64,
+    /// The part of both in halves of tiles, eight rows, that the entry's splat does not reach.
+    listed_beyond: f64,
+    blended_beyond: f64,
     /// The longest list.
     longest: f64,
 }
@@ -105,14 +129,18 @@ struct Stage {
 
 impl Stage {
     fn seconds(&self, on: &Machine) -> f64 {
+        self.dispatches * on.dispatch_s + self.work_s(on)
+    }
+
+    fn work_s(&self, on: &Machine) -> f64 {
         let bytes = self.bytes / (SHARE * on.bytes_a_second);
         let ops = self.ops / (SHARE * on.lane_ops_a_second);
-        self.dispatches * on.dispatch_s + bytes.max(ops).max(self.chain * on.load_s)
+        bytes.max(ops).max(self.chain * on.load_s)
     }
 }
 
-/// The stages of a view of SH degree 3, forward and backward.
-fn stages(view: &View, passes: [f64; 2]) -> Vec<Stage> {
+/// The stages of a view of SH degree 3, forward and backward, on waves of so many lanes.
+fn stages(view: &View, passes: [f64; 2], lanes: u32) -> Vec<Stage> {
     let View {
         gaussians: n,
         pairs: p,
@@ -120,12 +148,17 @@ fn stages(view: &View, passes: [f64; 2]) -> Vec<Stage> {
         pixels,
         listed,
         blended,
+        listed_beyond,
+        blended_beyond,
         longest,
     } = *view;
+    let skipped = if lanes <= 32 { 1.0 } else { 0.0 };
+    let listed = listed - skipped * (1.0 - SKIPPED_SHARE) * listed_beyond;
+    let blended = blended - skipped * (1.0 - SKIPPED_SHARE_BACKWARD) * blended_beyond;
     let radix = Rasterizer::Workgroup.radix();
-    // Entries are read twice and written once; a count is written, read twice and written again, and read.
+    // Entries are read twice and written once; a count is written, read and written again, and read.
     let counts = f64::from(radix.digits()) / f64::from(radix.chunk);
-    let pass = |entries: f64| entries * (3.0 * 8.0 + 5.0 * 4.0 * counts);
+    let pass = |entries: f64| entries * (3.0 * 8.0 + 4.0 * 4.0 * counts);
     let of = |name, dispatches, bytes, ops, chain| Stage {
         name,
         dispatches,
@@ -137,7 +170,7 @@ fn stages(view: &View, passes: [f64; 2]) -> Vec<Stage> {
         of("project", 1.0, n * (240.0 + 56.0), n * 500.0, 2.0),
         of(
             "depth sort",
-            4.0 * passes[0],
+            3.0 * passes[0],
             passes[0] * pass(n),
             passes[0] * n * 60.0,
             passes[0] * 40.0,
@@ -151,7 +184,7 @@ fn stages(view: &View, passes: [f64; 2]) -> Vec<Stage> {
         ),
         of(
             "tile sort",
-            4.0 * passes[1],
+            3.0 * passes[1],
             passes[1] * pass(p),
             passes[1] * p * 60.0,
             passes[1] * 40.0,
@@ -170,7 +203,8 @@ fn stages(view: &View, passes: [f64; 2]) -> Vec<Stage> {
             listed * FORWARD_OPS,
             longest / 64.0 * 3.0,
         ),
-        of("loss", 4.0, pixels * 120.0, 3.0 * pixels * LOSS_OPS, 40.0),
+        // The sums are taken every tenth iteration.
+        of("loss", 2.2, pixels * 120.0, 3.0 * pixels * LOSS_OPS, 40.0),
         of(
             "rasterize backward",
             1.0,
@@ -178,7 +212,7 @@ fn stages(view: &View, passes: [f64; 2]) -> Vec<Stage> {
             blended * BACKWARD_OPS,
             longest / 32.0 * 8.0,
         ),
-        of("sum pairs", 3.0, p * 40.0 + n * 96.0, p * 12.0, 156.0),
+        of("sum pairs", 2.0, p * 40.0 + n * 96.0, p * 12.0, 156.0),
         of(
             "project backward",
             1.0,
@@ -213,21 +247,27 @@ fn main() -> Result<()> {
     let scene = args.on.load(args.max_size, options)?;
     let prepared = prepare(&scene, &config, &mut Seconds::default())?;
     let ctx = Context::from_sources(Gpu::open()?, Rasterizer::Workgroup, &shader::compose);
+    let thread = Context::from_sources(Gpu::open()?, Rasterizer::Thread, &shader::compose);
     let views = &prepared.supervision.real;
     let mut mean = View::default();
     let mut tile_bits = 1;
+    let mut thread_pairs = 0.0;
+    let share = 1.0 / views.len() as f64;
     for view in views {
         let uniform = ViewUniform::new(&view.camera, prepared.supervision.near, [0.0; 3]);
         let mut rig = Rig::new(&ctx, &prepared.start, uniform, config.model.sh_degree)?;
         rig.forward(&ctx)?;
         let one = look(&ctx, &rig)?;
-        let share = 1.0 / views.len() as f64;
+        drop(rig);
+        thread_pairs += share * count_pairs(&thread, &prepared.start, uniform)?;
         mean.gaussians += share * one.gaussians;
         mean.pairs += share * one.pairs;
         mean.tiles += share * one.tiles;
         mean.pixels += share * one.pixels;
         mean.listed += share * one.listed;
         mean.blended += share * one.blended;
+        mean.listed_beyond += share * one.listed_beyond;
+        mean.blended_beyond += share * one.blended_beyond;
         mean.longest = mean.longest.max(one.longest);
         tile_bits = (one.tiles as usize)
             .next_power_of_two()
@@ -237,8 +277,10 @@ fn main() -> Result<()> {
     let radix = Rasterizer::Workgroup.radix();
     let passes = [32, tile_bits].map(|bits| f64::from(radix.passes(bits)));
     println!(
-        "{}, means of {} views: {:.0} Gaussians, {:.0} pairs of 16x16 tiles, {:.0} tiles, {:.0} pixels, \
-         {:.1} entries a pixel listed, {:.1} up to the last that its tile blends, {:.0} in the longest list\n\n{}",
+        "{}, means of {} views: {:.0} Gaussians, {:.0} pairs of 16x16 tiles and {thread_pairs:.0} of 4x8, {:.0} tiles, \
+         {:.0} pixels, \
+         {:.1} entries a pixel listed, {:.1} up to the last that its tile blends, {:.0} in the longest list; \
+         of them {:.0} % and {:.0} % in halves of tiles that the splat does not reach\n\n{}\n{}",
         scene.name,
         views.len(),
         mean.gaussians,
@@ -248,7 +290,10 @@ fn main() -> Result<()> {
         mean.listed / mean.pixels,
         mean.blended / mean.pixels,
         mean.longest,
-        table(&mean, passes)
+        100.0 * mean.listed_beyond / mean.listed,
+        100.0 * mean.blended_beyond / mean.blended,
+        table(&mean, passes),
+        longest_dispatches(&mean, passes)
     );
     Ok(())
 }
@@ -262,12 +307,14 @@ fn look(ctx: &Context, rig: &Rig) -> Result<View> {
     let plane = 4 * rig.view.plane_len();
     let planes: Vec<u32> = rig.read(ctx, "d_rendered", 5 * plane)?;
     let last_blended = &planes[4 * plane..];
+    let entries: Vec<[u32; 2]> = rig.read(ctx, "tile_splats", read_pairs(ctx, rig)?)?;
+    let splats: Vec<Splat> = rig.read(ctx, "splats", rig.model.n)?;
     let [columns, _] = ctx.kernels.rasterizer.tiles(size).map(|n| n as usize);
     let side = ctx.kernels.rasterizer.tile()[0] as usize;
     let row = 4 * rig.view.padded_size().0;
     let mut view = View {
         gaussians: rig.model.n as f64,
-        pairs: read_totals(&ctx.gpu, &rig.workspace)?.pairs as f64,
+        pairs: entries.len() as f64,
         tiles: n_tiles as f64,
         pixels: rig.view.n_pixels() as f64,
         ..View::default()
@@ -287,9 +334,63 @@ fn look(ctx: &Context, rig: &Rig) -> Result<View> {
         let n_pixels = (side * side) as f64;
         view.listed += f64::from(end - first) * n_pixels;
         view.blended += f64::from(deepest) * n_pixels;
+        for (place, [gaussian, _]) in (first..end).zip(&entries[first as usize..end as usize]) {
+            let splat = &splats[*gaussian as usize];
+            let n = [top, top + side / 2]
+                .map(|row| f64::from(is_beyond(splat, row, side / 2)))
+                .iter()
+                .sum::<f64>();
+            view.listed_beyond += 0.5 * n * n_pixels;
+            if place - first < deepest {
+                view.blended_beyond += 0.5 * n * n_pixels;
+            }
+        }
         view.longest = view.longest.max(f64::from(end - first));
     }
     Ok(view)
+}
+
+/// Returns the (tile, Gaussian) pairs of a view with the context's rasterizer, for which there need not be room.
+fn count_pairs(ctx: &Context, gaussians: &Gaussians, view: ViewUniform) -> Result<f64> {
+    let rig = Rig::new(ctx, gaussians, view, gaussians.sh_degree)?;
+    rig.start(ctx);
+    let mut commands = Commands::new(&ctx.gpu);
+    let pass = rig.pass(ctx);
+    pass.project(&mut commands);
+    pass.sort_by_depth(&mut commands);
+    pass.count_pairs(&mut commands);
+    pass.scan_pairs(&mut commands);
+    commands.submit();
+    Ok(read_totals(&ctx.gpu, &rig.workspace)?.pairs as f64)
+}
+
+/// Returns the (tile, Gaussian) pairs of the view that was rendered.
+fn read_pairs(ctx: &Context, rig: &Rig) -> Result<usize> {
+    Ok(read_totals(&ctx.gpu, &rig.workspace)?.pairs)
+}
+
+/// Whether a splat reaches none of `n` rows of pixels, as the kernels see it.
+fn is_beyond(splat: &Splat, row: usize, n: usize) -> bool {
+    (row..row + n).all(|y| {
+        let t_y = splat.t_0[1] + splat.l_yy * (y as f32 + 0.5 - splat.anchor[1]);
+        t_y * t_y > splat.reach * 1.0001 + 1e-4
+    })
+}
+
+/// Says which dispatch is the longest on each machine.
+fn longest_dispatches(view: &View, passes: [f64; 2]) -> String {
+    let one = |on: &Machine| {
+        let stages = stages(view, passes, on.lanes).into_iter();
+        // The dispatches of a stage share its work; but for sorts and sums, one has nearly all.
+        let work = stages.map(|stage| (stage.work_s(on), stage.name));
+        let (seconds, name) = work.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default();
+        format!(
+            "{}: no dispatch is longer than {:.1} ms ({name})\n",
+            on.name,
+            1e3 * seconds
+        )
+    };
+    MACHINES.iter().map(one).collect()
 }
 
 /// The stages of an iteration of two views on each machine.
@@ -304,10 +405,19 @@ fn table(view: &View, passes: [f64; 2]) -> Table {
     }
     let mut table = Table::new("model", &columns);
     let mut all = [0.0; MACHINES.len() + 2];
-    let twice = stages(view, passes).into_iter().map(|stage| (stage, 2.0));
-    for (stage, times) in twice.chain([(adam(view.gaussians), 1.0)]) {
+    let on_each = MACHINES.each_ref().map(|on| {
+        let mut stages = stages(view, passes, on.lanes);
+        stages.push(adam(view.gaussians));
+        stages
+    });
+    for (i, stage) in on_each[0].iter().enumerate() {
+        let times = if i + 1 < on_each[0].len() { 2.0 } else { 1.0 };
         let mut numbers = vec![times * stage.dispatches, times * stage.bytes / 1e6];
-        numbers.extend(MACHINES.iter().map(|on| 1e3 * times * stage.seconds(on)));
+        let seconds = MACHINES
+            .iter()
+            .zip(&on_each)
+            .map(|(on, own)| own[i].seconds(on));
+        numbers.extend(seconds.map(|seconds| 1e3 * times * seconds));
         for (sum, number) in all.iter_mut().zip(&numbers) {
             *sum += number;
         }

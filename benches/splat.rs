@@ -17,13 +17,14 @@ use std::time::Instant;
 
 use clap::Parser;
 use gspotential::camera::{Camera, Frame};
-use gspotential::cloud::splat::{splat_depths, splat_views};
-use gspotential::config::{Config, Footprint, SplatConfig};
+use gspotential::cloud::splat::{SplatImage, splat_depths, splat_views};
+use gspotential::cloud::warp::Warp;
+use gspotential::config::{ColorSource, Config, Footprint, SplatConfig};
 use gspotential::error::Result;
 use gspotential::eval::score_splats;
 use gspotential::field::{Field, Focus};
 use gspotential::report::{Column, Table};
-use gspotential::scene::{CloudSource, LoadOptions, Scene};
+use gspotential::scene::{CloudSource, LoadOptions, Scene, View};
 use gspotential::views::virtual_views;
 
 use kit::SceneArgs;
@@ -40,6 +41,17 @@ const COLUMNS: [Column; 9] = [
     Column::number("psnr", "test views, dB", 2),
     Column::number("covered_psnr", "where covered, dB", 2),
     Column::number("test_coverage", "% covered", 1),
+    Column::number("time", "time ratio", 2),
+];
+
+const COLOR_COLUMNS: [Column; 8] = [
+    Column::text("px", "px"),
+    Column::text("colors", "colours"),
+    Column::number("seen", "% of test pixels that a photograph sees", 1),
+    Column::number("seen_psnr", "there, dB", 2),
+    Column::number("smooth_psnr", "there, means of 5x5 px, dB", 2),
+    Column::number("weighed_psnr", "covered, by weight, dB", 2),
+    Column::number("weight", "mean weight of covered", 2),
     Column::number("time", "time ratio", 2),
 ];
 
@@ -77,6 +89,7 @@ fn main() -> Result<()> {
         }));
     }
     let mut table = Table::new("splat", &COLUMNS);
+    let mut colors = Table::new("splat-colors", &COLOR_COLUMNS);
     for size in &args.max_size {
         let options = LoadOptions {
             cloud: args.cloud.clone().map(CloudSource::File),
@@ -84,9 +97,148 @@ fn main() -> Result<()> {
         };
         let scene = args.on.load(*size, options)?;
         compare(&scene, &config, &splats, args.rounds, &mut table)?;
+        compare_colors(&scene, &config, args.rounds, &mut colors)?;
     }
-    print!("{table}");
+    print!("{table}\n{colors}");
     Ok(())
+}
+
+/// The virtual cameras that `config` asks for, with the scene's frame.
+fn virtual_cameras(
+    scene: &Scene,
+    train: &[Camera],
+    config: &Config,
+) -> Result<(Frame, Vec<Camera>)> {
+    let focus = Focus::find(train, &scene.cloud)?;
+    let field = Field::new(train, &focus, &config.field);
+    let views = virtual_views(train, &focus, &field, None, config)?;
+    Ok((focus.frame(), views.into_iter().map(|v| v.camera).collect()))
+}
+
+fn cameras(views: &[View]) -> Vec<Camera> {
+    views.iter().map(|view| view.camera.clone()).collect()
+}
+
+/// What colours the discs, at the test views: on the same pixels, those that some photograph sees.
+fn compare_colors(scene: &Scene, config: &Config, rounds: usize, table: &mut Table) -> Result<()> {
+    let (train, test) = (cameras(&scene.train), cameras(&scene.test));
+    let (frame, views) = virtual_cameras(scene, &train, config)?;
+    let near = frame.near(config.model.near);
+    let made = |colors: ColorSource, cameras: &[Camera]| {
+        let config = Config {
+            splat: SplatConfig {
+                colors,
+                footprint: Footprint::Disc,
+                ..config.splat.clone()
+            },
+            ..config.clone()
+        };
+        let mut images = splat_views(&scene.cloud, &frame, (cameras, &train), &config.splat, near)?;
+        let warp = Warp::new(&scene.cloud, &frame, &scene.train, &config, near)?;
+        let seen = match warp {
+            Some(warp) => warp.paint(cameras, &mut images)?,
+            None => Vec::new(),
+        };
+        Ok((images, seen))
+    };
+    let mut plain_s = None;
+    let (_, seen) = made(ColorSource::Photographs, &test)?;
+    for (colors, name) in [
+        (ColorSource::Points, "points"),
+        (ColorSource::Photographs, "photographs"),
+        (ColorSource::Blend, "blend"),
+    ] {
+        let mut taken = f64::INFINITY;
+        for _ in 0..rounds {
+            let start = Instant::now();
+            made(colors, &views)?;
+            taken = taken.min(start.elapsed().as_secs_f64());
+        }
+        let (images, _) = made(colors, &test)?;
+        let errors = images.iter().zip(&scene.test).zip(&seen);
+        let errors: Vec<ColorErrors> = errors
+            .map(|((image, view), seen)| ColorErrors::of(image, view, seen))
+            .collect();
+        let mean =
+            |of: fn(&ColorErrors) -> f64| errors.iter().map(of).sum::<f64>() / errors.len() as f64;
+        table.row([
+            format!("{}x{}", train[0].width, train[0].height).into(),
+            name.into(),
+            (100.0 * mean(|e| e.seen_share)).into(),
+            mean(|e| e.seen_psnr).into(),
+            mean(|e| e.smooth_psnr).into(),
+            mean(|e| e.weighed_psnr).into(),
+            mean(|e| e.mean_weight).into(),
+            (taken / *plain_s.get_or_insert(taken)).into(),
+        ]);
+    }
+    Ok(())
+}
+
+/// Errors of one image against a photograph.
+struct ColorErrors {
+    seen_share: f64,
+    seen_psnr: f64,
+    smooth_psnr: f64,
+    weighed_psnr: f64,
+    mean_weight: f64,
+}
+
+impl ColorErrors {
+    fn of(image: &SplatImage, view: &View, seen: &[bool]) -> ColorErrors {
+        let pixels = image
+            .rgba
+            .chunks_exact(4)
+            .zip(view.image.rgb.chunks_exact(3));
+        let errors: Vec<[f64; 3]> = pixels
+            .map(|(a, b)| [0, 1, 2].map(|c| (f64::from(a[c]) - f64::from(b[c])) / 255.0))
+            .collect();
+        let weights: Vec<f64> = image
+            .rgba
+            .chunks_exact(4)
+            .map(|p| f64::from(p[3]) / 255.0)
+            .collect();
+        let seen_weights: Vec<f64> = seen.iter().map(|seen| f64::from(u8::from(*seen))).collect();
+        let smooth = smoothed(&errors, seen, image.width as usize);
+        let n_covered = weights.iter().filter(|w| **w > 0.0).count();
+        ColorErrors {
+            seen_share: seen_weights.iter().sum::<f64>() / seen.len() as f64,
+            seen_psnr: psnr(&errors, &seen_weights),
+            smooth_psnr: psnr(&smooth, &seen_weights),
+            weighed_psnr: psnr(&errors, &weights),
+            mean_weight: weights.iter().sum::<f64>() / n_covered as f64,
+        }
+    }
+}
+
+fn psnr(errors: &[[f64; 3]], weights: &[f64]) -> f64 {
+    let squares = errors
+        .iter()
+        .map(|e| e.iter().map(|e| e * e).sum::<f64>() / 3.0);
+    let sum: f64 = squares
+        .zip(weights)
+        .map(|(square, weight)| square * weight)
+        .sum();
+    -10.0 * (sum / weights.iter().sum::<f64>()).log10()
+}
+
+/// The mean of the errors that count, over 5x5 pixels around each.
+fn smoothed(errors: &[[f64; 3]], counts: &[bool], width: usize) -> Vec<[f64; 3]> {
+    let height = errors.len() / width;
+    let around = |pixel: usize| {
+        let (x, y) = (pixel % width, pixel / width);
+        let (mut sum, mut n) = ([0.0; 3], 0.0);
+        for row in y.saturating_sub(2)..=(y + 2).min(height - 1) {
+            for other in row * width + x.saturating_sub(2)..=row * width + (x + 2).min(width - 1) {
+                if counts[other] {
+                    sum = std::array::from_fn(|c| sum[c] + errors[other][c]);
+                    n += 1.0;
+                }
+            }
+        }
+        sum.map(|sum| sum / f64::max(n, 1.0))
+    };
+    (0..errors.len()).map(around).collect()
 }
 
 fn compare(
@@ -96,15 +248,8 @@ fn compare(
     rounds: usize,
     table: &mut Table,
 ) -> Result<()> {
-    let cameras = |views: &[gspotential::scene::View]| -> Vec<Camera> {
-        views.iter().map(|view| view.camera.clone()).collect()
-    };
     let (train, test) = (cameras(&scene.train), cameras(&scene.test));
-    let focus = Focus::find(&train, &scene.cloud)?;
-    let field = Field::new(&train, &focus, &config.field);
-    let frame = focus.frame();
-    let views = virtual_views(&train, &focus, &field, None, config)?;
-    let views: Vec<Camera> = views.into_iter().map(|v| v.camera).collect();
+    let (frame, views) = virtual_cameras(scene, &train, config)?;
     let near = config.model.near;
     let fronts = fronts(scene, &frame, &views, near)?;
     let mut seconds = vec![f64::INFINITY; splats.len()];
@@ -173,6 +318,7 @@ fn fronts(scene: &Scene, frame: &Frame, views: &[Camera], near: f64) -> Result<V
         depth_tolerance: 0.0,
         filter_window_px: 1,
         filter_min_neighbors: 0,
+        colors: ColorSource::Points,
     };
     let depths = splat_depths(&scene.cloud, frame, (views, &[]), &bare, near)?;
     let fronts = depths.iter().zip(views).map(|(depths, view)| {

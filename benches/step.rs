@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use clap::Parser;
 use gspotential::error::{Error, Result};
-use gspotential::gpu::{Gpu, KernelTime, Profile, Rasterizer};
+use gspotential::gpu::{Gpu, KernelTime, Profile};
 use gspotential::pipeline::{kernel_table, prepare};
 use gspotential::render::Kernels;
 use gspotential::run::{Sample, Seconds, StepProfile};
@@ -51,8 +51,7 @@ fn main() -> Result<()> {
     let mut seconds = Seconds::default();
     let prepared = prepare(&scene, &config, &mut seconds)?;
     let gpu = Gpu::open()?;
-    let rasterizer = Rasterizer::of(config.render.rasterizer, &gpu);
-    let kernels = Kernels::with(rasterizer);
+    let kernels = Kernels::of(&config.render, &gpu)?;
     let supervision = &prepared.supervision;
     let mut trainer = Trainer::new(&gpu, &kernels, &prepared.start, supervision, &config)?;
     let mut warm = 0;

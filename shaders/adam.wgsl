@@ -32,17 +32,18 @@ struct Step {
     correction_1: f32,
     correction_2: f32,
     epsilon: f32,
-    pad_2: f32,
+    // 1 where positions have rates of their own, else 0.
+    own_rates: u32,
     // Distance from the focus beyond which a Gaussian's geometry is frozen.
     frozen_beyond: f32,
+    pad_2: f32,
     pad_3: f32,
     pad_4: f32,
-    pad_5: f32,
     n_gaussians: u32,
     // Entries a plane.
     stride: u32,
+    pad_5: u32,
     pad_6: u32,
-    pad_7: u32,
 }
 
 @group(0) @binding(0) var<uniform> step: Step;
@@ -54,9 +55,10 @@ struct Step {
 @group(0) @binding(5) var<storage, read> d_color: array<vec4f>;
 @group(0) @binding(7) var<storage, read> totals: array<u32>;
 @group(0) @binding(8) var<storage, read> screen: array<vec2f>;
-// What densification gathers: sum of `gradient`, number of views drawn in, largest `radius`, 0. They
+// What densification gathers: sum of `gradient`, number of views drawn in, largest `radius`. They
 // belong to the step that is taken, not to the view: a step that is repeated because its
-// pairs did not fit counts once.
+// pairs did not fit counts once. The last number stays as it is: with `own_rates` the position's rate
+// is multiplied by 1 plus it.
 @group(0) @binding(9) var<storage, read_write> statistics: array<vec4f>;
 
 fn update(index: u32, gradient: vec4f, rate: vec4f) {
@@ -74,15 +76,20 @@ fn adam_geometry(thread: Thread) {
         return;
     }
     let frozen = length(parameters[id].xyz) > step.frozen_beyond;
+    var position_factor = 1.0;
+    if (step.own_rates != 0u) {
+        position_factor = 1.0 + statistics[id].w;
+    }
     // bound: 3 turns.
     for (var plane = 0u; plane < 3u; plane++) {
         let index = plane * step.stride + id;
-        update(index, source[index], select(step.geometry_rates[plane], vec4f(0.0), frozen));
+        let factor = select(vec4f(1.0), vec4f(vec3f(position_factor), 1.0), plane == 0u);
+        update(index, source[index], select(factor * step.geometry_rates[plane], vec4f(0.0), frozen));
     }
     let seen = on_screen(screen[id]);
     if (seen.radius > 0.0) {
         let old = statistics[id];
-        statistics[id] = vec4f(old.x + seen.gradient, old.y + 1.0, max(old.z, seen.radius), 0.0);
+        statistics[id] = vec4f(old.x + seen.gradient, old.y + 1.0, max(old.z, seen.radius), old.w);
     }
 }
 

@@ -100,15 +100,7 @@ fn project_backward(thread: Thread) {
     let r_0 = s_x.x * u_x + s_y.x * u_y;
     let r_1 = s_x.y * u_x + s_y.y * u_y;
     let r_2 = s_x.z * u_x + s_y.z * u_y;
-    let norm = length(g.rotation_wxyz);
-    let q = g.rotation_wxyz / norm;
-    let d_q = 2.0 * vec4f(
-        q.y * (r_1.z - r_2.y) + q.z * (r_2.x - r_0.z) + q.w * (r_0.y - r_1.x),
-        q.x * (r_1.z - r_2.y) - 2.0 * q.y * (r_1.y + r_2.z) + q.z * (r_0.y + r_1.x) + q.w * (r_0.z + r_2.x),
-        q.x * (r_2.x - r_0.z) + q.y * (r_0.y + r_1.x) - 2.0 * q.z * (r_0.x + r_2.z) + q.w * (r_1.z + r_2.y),
-        q.x * (r_0.y - r_1.x) + q.y * (r_0.z + r_2.x) + q.z * (r_1.z + r_2.y) - 2.0 * q.w * (r_0.x + r_1.y),
-    );
-    let d_rotation = (d_q - q * dot(q, d_q)) / norm;
+    let d_rotation = rotation_gradient(g.rotation_wxyz, r_0, r_1, r_2);
 
     var d_0 = vec4f(d_mean, d.opacity_logit);
     var d_1 = vec4f(d_scale_log, 0.0);

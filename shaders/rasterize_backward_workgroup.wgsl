@@ -132,26 +132,33 @@ fn carry_back(thread: Thread, slice_first: u32, sliced: bool) {
                 let s = unpacked(staged[j + {k}u]);
                 let dy = py - s.anchor.y;
                 let t_y = s.t_0.y + s.l_yy * dy;
-                let t_x = (s.t_0.x + s.l_xx * (px - s.anchor.x)) + s.l_xy * dy;
-                let raw = s.opacity * exp2_negative(-(t_x * t_x + t_y * t_y));
-                let blended = (raw >= vec4f(ALPHA_MIN)) & (vec4u(top - j - {k}u) <= last);
-                // 0 leaves the transmittance and what is behind as they are, to the bit.
-                let alpha = select(vec4f(0.0), min(vec4f(ALPHA_MAX), raw), blended);
-                let inverse = 1.0 / (1.0 - alpha);
-                let before = transmittance * inverse;
-                let weight = alpha * before;
-                let shade = d_red * s.color.x + d_green * s.color.y + d_blue * s.color.z;
-                let d_alpha = before * shade - behind * inverse;
-                let v = select(vec4f(0.0), d_alpha * alpha, raw < vec4f(ALPHA_MAX));
-                transmittance = before;
-                behind += weight * shade;
-                let v_x = v * t_x;
-                let row_v = sum4(v);
-                let row_x = sum4(v_x);
-                leaves[{k}u * 2u * WORKGROUP + local] = vec4f(row_v, row_x, row_v * t_y, sum4(v_x * t_x));
-                leaves[({k}u * 2u + 1u) * WORKGROUP + local] =
-                    vec4f(row_x * t_y, row_v * (t_y * t_y), sum4(weight * d_red), sum4(weight * d_green));
-                leaves_c[{k}u * WORKGROUP + local] = sum4(weight * d_blue);
+                var a: vec4f;
+                var b: vec4f;
+                var c: f32;
+                if (!is_beyond(s.reach, t_y)) {
+                    let t_x = (s.t_0.x + s.l_xx * (px - s.anchor.x)) + s.l_xy * dy;
+                    let raw = s.opacity * exp2_negative(-(t_x * t_x + t_y * t_y));
+                    let blended = (raw >= vec4f(ALPHA_MIN)) & (vec4u(top - j - {k}u) <= last);
+                    // 0 leaves the transmittance and what is behind as they are, to the bit.
+                    let alpha = select(vec4f(0.0), min(vec4f(ALPHA_MAX), raw), blended);
+                    let inverse = 1.0 / (1.0 - alpha);
+                    let before = transmittance * inverse;
+                    let weight = alpha * before;
+                    let shade = d_red * s.color.x + d_green * s.color.y + d_blue * s.color.z;
+                    let d_alpha = before * shade - behind * inverse;
+                    let v = select(vec4f(0.0), d_alpha * alpha, raw < vec4f(ALPHA_MAX));
+                    transmittance = before;
+                    behind += weight * shade;
+                    let v_x = v * t_x;
+                    let row_v = sum4(v);
+                    let row_x = sum4(v_x);
+                    a = vec4f(row_v, row_x, row_v * t_y, sum4(v_x * t_x));
+                    b = vec4f(row_x * t_y, row_v * (t_y * t_y), sum4(weight * d_red), sum4(weight * d_green));
+                    c = sum4(weight * d_blue);
+                }
+                leaves[{k}u * 2u * WORKGROUP + local] = a;
+                leaves[({k}u * 2u + 1u) * WORKGROUP + local] = b;
+                leaves_c[{k}u * WORKGROUP + local] = c;
             }
             #end
             workgroupBarrier();

@@ -81,6 +81,9 @@ fn composite(thread: Thread, slice_first: u32, sliced: bool) {
             let s = unpacked(staged[i]);
             let dy = py - s.anchor.y;
             let t_y = s.t_0.y + s.l_yy * dy;
+            if (is_beyond(s.reach, t_y)) {
+                continue;
+            }
             let t_x = (s.t_0.x + s.l_xx * (px - s.anchor.x)) + s.l_xy * dy;
             let raw = s.opacity * exp2_negative(-(t_x * t_x + t_y * t_y));
             let drawn = raw >= vec4f(ALPHA_MIN);

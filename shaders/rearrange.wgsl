@@ -7,7 +7,7 @@ struct Rearrange {
     old_stride: u32,
     new_stride: u32,
     n_planes: u32,
-    // GEOMETRY, MOMENTS, or 1: copied as it is.
+    // GEOMETRY, MOMENTS, RATES, or 1: copied as it is.
     kind: u32,
     pad_0: u32,
     pad_1: u32,
@@ -16,6 +16,8 @@ struct Rearrange {
 
 const GEOMETRY = 0u;
 const MOMENTS = 2u;
+// The statistics of a set that is densified: they start anew but for the last number, the rate's.
+const RATES = 3u;
 
 @group(0) @binding(0) var<uniform> rearrange: Rearrange;
 @group(0) @binding(1) var<storage, read> old_planes: array<vec4f>;
@@ -49,6 +51,9 @@ fn rearrange_planes(thread: Thread) {
         }
         if (rearrange.kind == MOMENTS && is_new) {
             value = vec4f(0.0);
+        }
+        if (rearrange.kind == RATES) {
+            value = vec4f(vec3f(0.0), value.w);
         }
         new_planes[plane * rearrange.new_stride + id] = value;
     }

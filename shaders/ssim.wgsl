@@ -384,11 +384,19 @@ fn ssim_vertical_backward(thread: Thread) {
     }
     #end
     let d_y = convolve_columns(base + 2u, at.x4, at.y);
-    // The loss does not depend on the coverage. Planes lie elsewhere for a view of another size, so
-    // what one has left here may be another's gradient.
+    // Without a silhouette the loss does not depend on the coverage. Planes lie elsewhere for a view of
+    // another size, so what one has left here may be another's gradient.
     if (at.channel == 0u) {
         #repeat r SSIM_ROWS
         d_rendered[plane_index(view, 3u, at.x4, at.y + {r}u)] = vec4f(0.0);
+        #end
+    }
+    if (at.channel == 0u && loss.silhouette_scale > 0.0) {
+        #repeat r SSIM_ROWS
+        if (at.y + {r}u < view.size.y) {
+            let t = rendered[plane_index(view, 3u, at.x4, at.y + {r}u)];
+            d_rendered[plane_index(view, 3u, at.x4, at.y + {r}u)] = silhouette_gradient(texels(i32(at.x4), at.y + {r}u), at.x4, t);
+        }
         #end
     }
     var sum = vec4f(0.0);
@@ -403,7 +411,11 @@ fn ssim_vertical_backward(thread: Thread) {
         let difference = weight * (x - y);
         sum += abs(difference);
         let d_ssim = weight * (own.r{r} + ((x - y) - residual) * d_e.r{r} + y * d_y.r{r});
-        d_rendered[plane_index(view, at.channel, at.x4, at.y + {r}u)] = d_ssim + loss.l1_scale * (weight * sign(difference));
+        var gradient = d_ssim + loss.l1_scale * (weight * sign(difference));
+        if (loss.far_scale > 0.0) {
+            gradient += far_gradient(raw, x - y);
+        }
+        d_rendered[plane_index(view, at.channel, at.x4, at.y + {r}u)] = gradient;
     }
     #end
     let index = thread_index(thread);

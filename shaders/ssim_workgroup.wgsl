@@ -240,9 +240,10 @@ fn ssim_backward(thread: Thread) {
     let y = at.y + thread.local / ACROSS;
     var mine = vec4f(0.0);
     if (x4 < view.row_vectors && y < view.plane_vectors / view.row_vectors && at.channel < 3u) {
-        // Beyond the image there is no gradient. The loss does not depend on the coverage, either; planes lie elsewhere for a
-        // view of another size, so what one has left here may be another's gradient.
+        // Beyond the image there is no gradient. Without a silhouette the loss does not depend on the coverage, either; planes
+        // lie elsewhere for a view of another size, so what one has left here may be another's gradient.
         var gradient = vec4f(0.0);
+        var coverage = vec4f(0.0);
         if (y < view.size.y) {
             let residual = row_residual[thread.local + REACH * ACROSS];
             var own = vec4f(0.0);
@@ -265,10 +266,16 @@ fn ssim_backward(thread: Thread) {
             mine = abs(difference);
             gradient = weight * (own + ((x - goal_y) - residual) * d_e + goal_y * d_y)
                 + loss.l1_scale * (weight * sign(difference));
+            if (loss.far_scale > 0.0) {
+                gradient += far_gradient(raw, x - goal_y);
+            }
+            if (loss.silhouette_scale > 0.0) {
+                coverage = silhouette_gradient(raw, x4, rendered[plane_index(view, 3u, x4, y)]);
+            }
         }
         d_rendered[plane_index(view, at.channel, x4, y)] = gradient;
         if (at.channel == 0u) {
-            d_rendered[plane_index(view, 3u, x4, y)] = vec4f(0.0);
+            d_rendered[plane_index(view, 3u, x4, y)] = coverage;
         }
     }
     let sum = sum_of_all(thread.local, (mine.x + mine.y) + (mine.z + mine.w));

@@ -1,5 +1,5 @@
 // Sums the pairs' gradients, first by aligned blocks, in place, so that no thread adds
-// up thousands of them in a row: PAIR_BLOCK pairs, then PAIR_BLOCK such blocks. A Gaussian's pairs
+// up thousands of them in a row: PAIR_BLOCK pairs, then PAIR_BLOCK such blocks, which one workgroup has. A Gaussian's pairs
 // lie together, so a block whose first and last pair are of one Gaussian is that Gaussian's alone;
 // its sums replace those of its first pair. Other blocks stay as they are, and most are such. Then
 // sum_gaussians adds up what is left of each Gaussian.
@@ -9,6 +9,7 @@
 #import shared/splat_gradient
 #import shared/entries
 #import shared/pair_gradient
+#import shared/pair_sums
 #import shared/dropout
 
 @group(0) @binding(0) var<storage, read> totals: array<u32>;
@@ -50,11 +51,10 @@ fn sum_block(thread: u32, stride: u32) {
 @compute @workgroup_size(WORKGROUP)
 fn sum_pairs(thread: Thread) {
     sum_block(thread_index(thread), 1u);
-}
-
-@compute @workgroup_size(WORKGROUP)
-fn sum_pair_blocks(thread: Thread) {
-    sum_block(thread_index(thread), PAIR_BLOCK);
+    storageBarrier();
+    if (thread.local % PAIR_BLOCK == 0u) {
+        sum_block(thread_index(thread) / PAIR_BLOCK, PAIR_BLOCK);
+    }
 }
 
 // One thread a Gaussian: the sum of all its pairs, in their fixed order.
@@ -73,18 +73,12 @@ fn sum_gaussians(thread: Thread) {
     var a = vec4f(0.0);
     var b = vec4f(0.0);
     var c = 0.0;
-    // Single pairs up to an aligned block, such blocks up to an aligned block of them, those, and
-    // the same backwards.
     // bound: 4 (PAIR_BLOCK - 1) turns and one for PAIR_BLOCK^2 pairs, held by the host.
     for (var pair = range.first; pair < range.end;) {
         a += d_pair_a[pair];
         b += d_pair_b[pair];
         c += d_pair_c[pair];
-        let left = range.end - pair;
-        var n_summed = select(1u, PAIR_BLOCK, pair % PAIR_BLOCK == 0u && left >= PAIR_BLOCK);
-        let large = PAIR_BLOCK * PAIR_BLOCK;
-        n_summed = select(n_summed, large, pair % large == 0u && left >= large);
-        pair += n_summed;
+        pair += n_summed(pair, range.end);
     }
     let d = pair_gradient(a, b, c);
     let s = unpacked(splats[id]);

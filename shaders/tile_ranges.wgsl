@@ -1,5 +1,5 @@
 // Finds where each tile's pairs begin and end in the sorted pairs, and the Gaussian of each: one thread
-// RANGE_CHUNK pairs. Tiles without pairs keep the empty range that the buffer was cleared to.
+// RANGE_CHUNK pairs. Tiles without pairs keep what an earlier view has left until order_tiles empties their ranges.
 #import shared/thread
 #import shared/view
 #import shared/entries
@@ -69,6 +69,12 @@ fn order_tiles(thread: Thread) {
     var range = Range(0u, 0u);
     if (inside) {
         range = tile_ranges[tile];
+        // A range that begins with another tile's pair is left from an earlier view.
+        let n_pairs = atomicLoad(&totals[TOTAL_PAIRS]);
+        if (range.first >= n_pairs || tile_pairs[min(range.first, max(n_pairs, 1u) - 1u)].tile != tile) {
+            range = Range(0u, 0u);
+            tile_ranges[tile] = range;
+        }
         // What ends before it begins, as a driver's fault may have it, is empty.
         range.end = max(range.first, range.end);
         length = 1u + range.end - range.first;

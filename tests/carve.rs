@@ -39,6 +39,7 @@ fn plain(camera: Camera, color: [u8; 3]) -> View {
             rgb: color.repeat(n),
         },
         mask: None,
+        prior: None,
         camera,
     }
 }

@@ -269,6 +269,7 @@ fn metrics(pose_protocol: PoseProtocol) -> Metrics {
             n_points: 0,
             cloud_crc32: None,
             thumbnails: None,
+            virtual_images: None,
             carved_points: None,
             pose_protocol,
         },

@@ -80,6 +80,7 @@ impl Made {
                 n_points: 3,
                 cloud_crc32: None,
                 thumbnails: None,
+                virtual_images: None,
                 carved_points: None,
                 pose_protocol: self.pose_protocol,
             },

@@ -69,7 +69,7 @@ fn the_reference_page_is_the_declaration() {
 fn the_reference_tells_values_units_words_ranges_and_the_papers_names() {
     let text = reference().unwrap();
     for line in [
-        "- `iterations` = 700, 400 in `fast`, 1000 in `instantsplat`, 10000 in all others.",
+        "- `iterations` = 700, 400 in `fast`, 1000 in `instantsplat`, 30000 in `corgs`, 10000 in all others.",
         "### `views.visibility`",
         "`U_total`. Allowed: a finite number, 0 or more. Paper: lambda, Eq. 4.",
         "Choices: `pixel`, `disc`.",
@@ -151,6 +151,7 @@ fn presets_of_other_systems_differ_from_the_baseline_in_what_their_sources_say()
         [
             "densify.enabled=false",
             "iterations=1000",
+            "optimizer.confidence_gain=99.0",
             "optimizer.mean_lr_end=0.00013723",
             "optimizer.rotation_lr=0.01",
             "optimizer.scale_lr=0.05",
@@ -175,7 +176,35 @@ fn presets_of_other_systems_differ_from_the_baseline_in_what_their_sources_say()
         "dropout.rate_end=0.5",
         "dropout.rate_start=0.05",
     ];
-    assert_eq!(told("d2gs"), [&slow[..], &guided, &ssim].concat());
+    let far = ["loss.far_weight=0.8333333333333334"];
+    assert_eq!(told("d2gs"), [&slow[..], &guided, &far, &ssim].concat());
+    assert_eq!(
+        told("gaussianobject"),
+        [
+            "densify.max_gaussians=3000000",
+            "densify.opacity_reset_interval=1000",
+            "densify.outlier_interval=500",
+            "loss.random_background=true",
+            "loss.silhouette_weight=0.01",
+            "model.background=[1.0,1.0,1.0]",
+            "model.sh_degree=2",
+            "model.start=\"hull\"",
+            "optimizer.mean_lr_end=0.00003447",
+        ]
+    );
+    assert_eq!(
+        told("corgs"),
+        [
+            "densify.end=15000",
+            "densify.gradient_threshold=0.0005",
+            "densify.max_scale=1000000000.0",
+            "densify.opacity_reset_end=15000",
+            "iterations=30000",
+            "loss.random_background=true",
+            "model.sh_interval=500",
+            "partner.enabled=true",
+        ]
+    );
 }
 
 /// Table 2 of the paper: what each row has that the row under it in the list lacks.
@@ -327,6 +356,33 @@ fn faulty_config_files_are_named_with_line_or_key() {
 }
 
 #[test]
+fn a_partner_goes_with_none_of_what_it_has_no_place_for() {
+    let partner = Config::preset("corgs").unwrap();
+    for (setting, key) in [
+        ("views.count=1", "`views.count`"),
+        ("poses.refine=true", "`poses.refine`"),
+        ("dropout.depth_weight=0.1", "`dropout.depth_weight`"),
+        ("dropout.density_weight=0.1", "`dropout.density_weight`"),
+        ("densify.outlier_interval=500", "`densify.outlier_interval`"),
+        (
+            "optimizer.confidence_gain=99",
+            "`optimizer.confidence_gain`",
+        ),
+        ("prior.source=cloud", "`prior.source`"),
+    ] {
+        let config = partner.set(setting).unwrap();
+        assert_refused(config.validate(), &[key, "with partner.enabled"]);
+        let single = config.set("partner.enabled=false").unwrap();
+        single.validate().unwrap();
+    }
+    partner
+        .set("dropout.rate_end=0.5")
+        .unwrap()
+        .validate()
+        .unwrap();
+}
+
+#[test]
 fn resolved_config_reads_back_as_it_was() {
     let config = Config::preset("3dgs")
         .unwrap()
@@ -376,10 +432,20 @@ fn values_out_of_range_are_refused_with_key_and_value() {
         "loss.fill_weight=1.1",
         "shell.count=99",
         "shell.radius=1",
+        "prior.png_step=0",
+        "prior.weight=-1",
+        "prior.patch_weight=-1",
+        "prior.patch_px=7",
+        "prior.patch_px=1025",
+        "prior.normal_weight=-1",
+        "prior.end=0",
         "dropout.rate_start=1",
         "dropout.rate_end=1",
         "dropout.depth_weight=1.1",
         "dropout.density_weight=-0.1",
+        "partner.weight=-1",
+        "partner.prune_interval=0",
+        "partner.prune_distance=0",
         "poses.turn_lr=-1",
         "poses.shift_lr=1",
         "poses.rate_left=0",
@@ -460,8 +526,10 @@ fn changes_are_the_values_that_differ_from_the_preset() {
         let config = Config::preset(preset).unwrap();
         assert!(config.changes().unwrap().is_empty());
         assert!(config.set("seed=9").unwrap().changes().unwrap().is_empty());
-        let run = config.set("render.rasterizer=thread").unwrap();
-        assert!(run.changes().unwrap().is_empty(), "the adapter's");
+        for left in ["render.rasterizer=thread", "render.exp2=polynomial"] {
+            let run = config.set(left).unwrap();
+            assert!(run.changes().unwrap().is_empty(), "the adapter's: {left}");
+        }
     }
     let mut config = Config::preset("paper").unwrap();
     for setting in ["views.count=8", "iterations=500", "scene.max_points=90"] {
@@ -478,12 +546,17 @@ fn changes_are_the_values_that_differ_from_the_preset() {
 #[test]
 fn a_run_departs_from_what_was_asked_but_not_from_what_was_left_to_its_adapter() {
     let asked = paper();
-    let run = asked.set("render.rasterizer=workgroup").unwrap();
-    assert!(run.departures(&asked).unwrap().is_empty());
-    let stated = asked.set("render.rasterizer=thread").unwrap();
-    let departures = run.departures(&stated).unwrap();
-    let keys: Vec<&str> = departures.iter().map(|d| d.key.as_str()).collect();
-    assert_eq!(keys, ["render.rasterizer"]);
-    let other = run.set("iterations=7").unwrap();
-    assert_eq!(other.departures(&asked).unwrap().len(), 1);
+    for (key, decided, other) in [
+        ("render.rasterizer", "workgroup", "thread"),
+        ("render.exp2", "adapter", "polynomial"),
+    ] {
+        let run = asked.set(&format!("{key}={decided}")).unwrap();
+        assert!(run.departures(&asked).unwrap().is_empty());
+        let stated = asked.set(&format!("{key}={other}")).unwrap();
+        let departures = run.departures(&stated).unwrap();
+        let keys: Vec<&str> = departures.iter().map(|d| d.key.as_str()).collect();
+        assert_eq!(keys, [key]);
+        let other = run.set("iterations=7").unwrap();
+        assert_eq!(other.departures(&asked).unwrap().len(), 1);
+    }
 }

@@ -1,6 +1,6 @@
 //! What a run is said to need is what it takes, to the byte.
 
-use gspotential::config::Config;
+use gspotential::config::{Config, PriorSource};
 use gspotential::doctor::twin::random::Random;
 use gspotential::gpu::Gpu;
 use gspotential::pipeline::{Forecast, Prepared, load_scene, prepare};
@@ -41,6 +41,7 @@ fn buffers_take_what_was_predicted_to_the_byte() {
         ("3dgs", 1),
         ("3dgs", 0),
         ("gspotential", 0),
+        ("corgs", 1),
     ];
     for (preset, sh_degree) in cases {
         let mut config = config(preset, sh_degree);
@@ -53,6 +54,10 @@ fn buffers_take_what_was_predicted_to_the_byte() {
             config.scene.max_points = Some(100);
         }
         config.poses.refine = sh_degree == 2;
+        if sh_degree == 1 {
+            config.prior.source = PriorSource::Cloud;
+            config.prior.normal_weight = 0.1;
+        }
         let (scene, prepared) = prepared(&config);
         let gpu = Gpu::open().expect("an adapter");
         let kernels = Kernels::new(&gpu);
@@ -60,6 +65,7 @@ fn buffers_take_what_was_predicted_to_the_byte() {
         let (start, supervision) = (&prepared.start, &prepared.supervision);
         let mut trainer = Trainer::new(&gpu, &kernels, start, supervision, &config).expect("fits");
         assert_eq!(gpu.live_bytes(), said.held(), "{preset}, {sh_degree}");
+        assert_eq!(said.depths > 0, sh_degree == 1);
         trainer.run(&mut ()).expect("trains");
         assert_eq!(
             trainer.pair_capacity(),
@@ -82,13 +88,22 @@ fn buffers_take_what_was_predicted_to_the_byte() {
 #[test]
 fn growing_holds_the_old_and_the_new_together_nowhere() {
     let _alone = context();
-    let mut config = config("paper", 3);
+    for preset in ["paper", "corgs"] {
+        grow(preset);
+    }
+}
+
+fn grow(preset: &str) {
+    let mut config = config(preset, 3);
     config.iterations = 60;
     config.densify.enabled = true;
     config.densify.start = 10;
     config.densify.interval = 10;
     config.densify.gradient_threshold = 0.0;
     config.densify.max_gaussians = 9000;
+    config.partner.start = 5;
+    config.partner.prune_interval = 15;
+    config.partner.prune_distance = 0.02;
     let (scene, prepared) = prepared(&config);
     let gpu = Gpu::open().expect("an adapter");
     let kernels = Kernels::new(&gpu);

@@ -74,6 +74,7 @@ fn decide(cases: &[Case], config: &Config, done: u32) -> Plan {
         coverage: &coverage(),
         extent: EXTENT,
         frozen_beyond: FROZEN_BEYOND,
+        set: 0,
     };
     let plan = plan(&gathered(cases), config, &surroundings, done);
     assert_eq!(plan.sources.len(), plan.changes.len());

@@ -267,6 +267,7 @@ fn metrics_read_back_and_keep_what_may_vary_apart() {
             n_points: 3,
             cloud_crc32: None,
             thumbnails: None,
+            virtual_images: None,
             carved_points: None,
             pose_protocol: PoseProtocol::SharedFrame,
         },
@@ -286,6 +287,7 @@ fn metrics_read_back_and_keep_what_may_vary_apart() {
                 ssim: 0.7,
             },
             virt: None,
+            depths: None,
         }],
         model_size: vec![ModelSize {
             iteration: 0,

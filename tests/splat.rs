@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3, dvec3};
 use gspotential::camera::{Camera, Frame};
 use gspotential::cloud::splat::{SplatImage, splat_depths, splat_views};
-use gspotential::config::{Footprint, SplatConfig};
+use gspotential::config::{ColorSource, Footprint, SplatConfig};
 use gspotential::doctor::twin::splat::{filtered, nearest_points};
 use gspotential::doctor::{SplatCase, examine_splat, twin_of};
 use gspotential::scene::PointCloud;
@@ -19,6 +19,7 @@ fn config(footprint: Footprint, filter_window_px: u32, filter_min_neighbors: u32
         depth_tolerance: 0.02,
         filter_window_px,
         filter_min_neighbors,
+        colors: ColorSource::Points,
     }
 }
 

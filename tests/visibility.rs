@@ -3,7 +3,7 @@
 use glam::{DVec3, dvec3};
 use gspotential::camera::{Camera, Frame};
 use gspotential::cloud::visibility::{Support, Visibility, candidate_shares};
-use gspotential::config::{Config, Footprint, SplatConfig, VisibilityConfig};
+use gspotential::config::{ColorSource, Config, Footprint, SplatConfig, VisibilityConfig};
 use gspotential::field::{Field, Focus};
 use gspotential::pipeline::prepare;
 use gspotential::run::Seconds;
@@ -21,6 +21,7 @@ const BARE: SplatConfig = SplatConfig {
     depth_tolerance: 0.02,
     filter_window_px: 1,
     filter_min_neighbors: 0,
+    colors: ColorSource::Points,
 };
 
 fn config() -> VisibilityConfig {

@@ -74,7 +74,7 @@ pub(crate) fn sizes(first: usize, last: usize) -> Vec<usize> {
 fn main() -> Result<()> {
     let args = Args::parse();
     fit::check();
-    let ctx = Context::new(Gpu::open()?);
+    let ctx = Context::new(Gpu::open()?)?;
     let mut figures = Vec::new();
     eprintln!("Gaussians");
     step::gaussians(&ctx, &args, &mut figures)?;

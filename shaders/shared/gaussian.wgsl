@@ -43,6 +43,19 @@ fn rotation_matrix(q: vec4f) -> mat3x3f {
     );
 }
 
+// The gradient to a quaternion (w, x, y, z) as stored, from that to the columns of its rotation.
+fn rotation_gradient(rotation_wxyz: vec4f, r_0: vec3f, r_1: vec3f, r_2: vec3f) -> vec4f {
+    let norm = length(rotation_wxyz);
+    let q = rotation_wxyz / norm;
+    let d_q = 2.0 * vec4f(
+        q.y * (r_1.z - r_2.y) + q.z * (r_2.x - r_0.z) + q.w * (r_0.y - r_1.x),
+        q.x * (r_1.z - r_2.y) - 2.0 * q.y * (r_1.y + r_2.z) + q.z * (r_0.y + r_1.x) + q.w * (r_0.z + r_2.x),
+        q.x * (r_2.x - r_0.z) + q.y * (r_0.y + r_1.x) - 2.0 * q.z * (r_0.x + r_2.z) + q.w * (r_1.z + r_2.y),
+        q.x * (r_0.y - r_1.x) + q.y * (r_0.z + r_2.x) + q.z * (r_1.z + r_2.y) - 2.0 * q.w * (r_0.x + r_1.y),
+    );
+    return (d_q - q * dot(q, d_q)) / norm;
+}
+
 // What projection and its backward share: the Gaussian in the camera and M = J W R S (2x3), with
 // cov2d = M M^T + DILATION I.
 struct Projection {

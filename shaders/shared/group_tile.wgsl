@@ -31,3 +31,9 @@ fn group_pixels(tile: u32, local: u32) -> GroupPixels {
     let n_rows = view.plane_vectors / view.row_vectors;
     return GroupPixels(x4, y, tile < view.tiles.x * view.tiles.y && x4 < view.row_vectors && y < n_rows);
 }
+
+// Whether a splat is nowhere drawn in a row of pixels: reach bounds t_x^2 + t_y^2, and rounding may not lose a pixel.
+// Waves of 32 have half a tile's rows, and skip a splat that none of these meets.
+fn is_beyond(reach: f32, t_y: f32) -> bool {
+    return t_y * t_y > reach * 1.0001 + 1e-4;
+}

@@ -9,6 +9,7 @@ struct Loss {
     // Entry of this loss in `losses`.
     slot: u32,
     n_partials: u32,
-    pad_0: u32,
-    pad_1: u32,
+    // weight / (3 n) of the loss of the n far pixels, weight / n of the silhouette's, n all pixels; 0: none.
+    far_scale: f32,
+    silhouette_scale: f32,
 }

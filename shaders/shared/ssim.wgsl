@@ -19,7 +19,8 @@
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> loss: Loss;
 @group(0) @binding(2) var<storage, read> rendered: array<vec4f>;
-// RGBA8, rows as in a plane of `rendered`; alpha is the pixel's weight, 255 for 1.
+// RGBA8, rows as in a plane of `rendered`; alpha is the pixel's weight, 255 for 1, and FAR_ALPHA
+// for a far one. With a silhouette 0 is beside the subject.
 @group(0) @binding(3) var<storage, read> goal: array<vec4u>;
 // Planes 3c..3c+2: what the loss's gradient takes from each window, channel c: a term of its own
 // (with e less the residual of the four pixels), one times e and one times y.
@@ -45,6 +46,21 @@ fn weights(texels: vec4u, x4: i32) -> vec4f {
     let masked = vec4f(texels >> vec4u(24u)) * (1.0 / LEVEL_MAX);
     let weight = select(masked, vec4f(1.0), vec4<bool>(loss.masked == 0u));
     return select(vec4f(0.0), weight, inside);
+}
+
+// What the L1 loss of the far pixels adds to the gradient of four pixels that are off by `e`.
+fn far_gradient(texels: vec4u, e: vec4f) -> vec4f {
+    return select(vec4f(0.0), loss.far_scale * sign(e), (texels >> vec4u(24u)) == vec4u(FAR_ALPHA));
+}
+
+// Gradient of the binary cross-entropy between opacity and subject, with respect to the opacity of four pixels
+// whose transmittance is `t`. What is drawn has an opacity of ALPHA_MIN or more.
+fn silhouette_gradient(texels: vec4u, x4: u32, t: vec4f) -> vec4f {
+    let inside = vec4u(4u * x4) + vec4u(0u, 1u, 2u, 3u) < vec4u(view.size.x);
+    let subject = -1.0 / max(1.0 - t, vec4f(ALPHA_MIN));
+    let beside = 1.0 / max(t, vec4f(TRANSMITTANCE_MIN));
+    let gradient = select(beside, subject, (texels >> vec4u(24u)) > vec4u(0u));
+    return select(vec4f(0.0), loss.silhouette_scale * gradient, inside);
 }
 
 // Mean over the pixels that count; 0 if none does.

@@ -31,6 +31,9 @@ struct Entry {
     /// Principal point, pixels; `None` in 3DGS's own files, which centre it.
     cx: Option<f64>,
     cy: Option<f64>,
+    /// The photograph whose camera is turned the least against this one, where that is told.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    reference: Option<String>,
 }
 
 /// Writes cameras in the world frame. `offset` is taken out of their positions, as it is out of
@@ -40,25 +43,41 @@ struct Entry {
 /// # Errors
 /// The file cannot be written.
 pub fn write_cameras(path: &Path, cameras: &[Camera], offset: DVec3) -> Result<()> {
-    let entries: Vec<Entry> = cameras
-        .iter()
-        .zip(0..)
+    let entries = cameras.iter().zip(0..);
+    let entries: Vec<Entry> = entries
         .map(|(camera, id)| Entry {
-            id,
-            img_name: camera.name.clone(),
-            width: camera.width,
-            height: camera.height,
-            position: (camera.center() - offset).to_array(),
             offset: (offset != DVec3::ZERO).then(|| offset.to_array()),
-            // Columns of R are rows of R^T.
-            rotation: camera.rotation.to_cols_array_2d(),
-            fx: camera.fx,
-            fy: camera.fy,
-            cx: Some(camera.cx),
-            cy: Some(camera.cy),
+            position: (camera.center() - offset).to_array(),
+            ..Entry::of(camera, id)
         })
         .collect();
-    let json = serde_json::to_string_pretty(&entries)
+    write_entries(path, &entries)
+}
+
+/// Writes the cameras of images, in the world frame, under the images' names; each with the name of the camera of
+/// `references` that is turned the least against it, the first of equal ones, if there is any.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_views(path: &Path, views: &[(&str, &Camera)], references: &[Camera]) -> Result<()> {
+    let nearest = |camera: &Camera| {
+        let turn = |other: &&Camera| camera.difference(other).turn;
+        let nearest = references.iter().min_by(|a, b| turn(a).total_cmp(&turn(b)));
+        nearest.map(|camera| camera.name.clone())
+    };
+    let entries = views.iter().zip(0..);
+    let entries: Vec<Entry> = entries
+        .map(|((image, camera), id)| Entry {
+            img_name: (*image).to_owned(),
+            reference: nearest(camera),
+            ..Entry::of(camera, id)
+        })
+        .collect();
+    write_entries(path, &entries)
+}
+
+fn write_entries(path: &Path, entries: &[Entry]) -> Result<()> {
+    let json = serde_json::to_string_pretty(entries)
         .map_err(|e| Error::new(format!("cannot be written as JSON: {e}")).at_path(path))?;
     write_file(path, json.as_bytes())
 }
@@ -92,6 +111,25 @@ pub fn read_cameras(path: &Path) -> Result<Vec<Camera>> {
 }
 
 impl Entry {
+    /// Describes a camera in the world frame.
+    fn of(camera: &Camera, id: u64) -> Entry {
+        Entry {
+            id,
+            img_name: camera.name.clone(),
+            width: camera.width,
+            height: camera.height,
+            position: camera.center().to_array(),
+            offset: None,
+            // Columns of R are rows of R^T.
+            rotation: camera.rotation.to_cols_array_2d(),
+            fx: camera.fx,
+            fy: camera.fy,
+            cx: Some(camera.cx),
+            cy: Some(camera.cy),
+            reference: None,
+        }
+    }
+
     fn into_camera(self) -> Result<Camera> {
         let name = self.img_name;
         // Renders are stored under these names.

@@ -174,6 +174,8 @@ impl EvalArgs {
 fn moved_scene(dir: &Path) -> Result<PathBuf> {
     match SceneSource::Folder(dir.to_owned()).resolved()? {
         SceneSource::Folder(dir) => Ok(dir),
-        SceneSource::Builtin { .. } => Err(Error::usage("the built-in scene is everywhere")),
+        SceneSource::Builtin { .. } | SceneSource::Object { .. } => {
+            Err(Error::usage("the built-in scene is everywhere"))
+        }
     }
 }

@@ -29,7 +29,7 @@ that are uncovered at least half as much as the worst; nowhere where the cameras
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct FieldArgs {
-    /// Scene folder with images/ and sparse/0/, or `builtin[:WIDTH]`
+    /// Scene folder with images/ and sparse/0/, or `builtin[:WIDTH]` or `builtin:object[:WIDTH]`
     #[arg(long, value_name = "DIR", default_value = "builtin")]
     scene: SceneSource,
 

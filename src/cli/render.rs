@@ -9,10 +9,12 @@ use crate::pipeline::{
     self, CameraSource, ImageFiles, RenderFormat, RenderJob, RenderTarget, ViewSelection,
 };
 use crate::report::FilmTarget;
+use crate::run::RunDir;
 use crate::scene::SceneSource;
 
 const EXAMPLES: &str = "\
 Examples:
+  gspotential render runs/garden --views virtual --out views
   gspotential render --model runs/garden/point_cloud.ply --scene scenes/garden --out views
   gspotential render --model runs/garden/point_cloud.ply --cameras runs/garden/cameras.json \\
       --views virtual --format exr --out views
@@ -24,18 +26,26 @@ Examples:
 A film has 24 frames a second in 4:2:0, BT.709's matrix, limited range. YUV4MPEG2 cannot name the
 matrix, so the encoder is told, as above. An odd width or height loses its last column or row.
 --path goes through the views in the order of --views or of the file, and stops at both ends; a
-file of your own cameras, in the layout of a run's cameras.json, lays any path.";
+file of your own cameras, in the layout of a run's cameras.json, lays any path.
+
+views.json beside the images lists their cameras in that layout, and of each image the photograph
+that is nearest. Images that another program has made of them, a network that repairs renders say,
+are trained on with `train --virtual-images DIR` if they keep their names and sizes.";
 
 /// Render a trained scene to image files or a film
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES, group = ArgGroup::new("where").required(true),
           group = ArgGroup::new("what").required(true))]
 pub(crate) struct RenderArgs {
-    /// Gaussians in the 3DGS PLY layout
-    #[arg(long, value_name = "FILE.ply")]
-    model: PathBuf,
+    /// Take the model and the cameras of this run
+    #[arg(value_name = "RUN", group = "where", conflicts_with = "model")]
+    of_run: Option<PathBuf>,
 
-    /// Take the cameras of this scene folder, or of `builtin[:WIDTH]`
+    /// Gaussians in the 3DGS PLY layout
+    #[arg(long, value_name = "FILE.ply", required_unless_present = "of_run")]
+    model: Option<PathBuf>,
+
+    /// Take the cameras of this scene folder, or of `builtin[:WIDTH]` or `builtin:object[:WIDTH]`
     #[arg(long, value_name = "DIR", group = "where")]
     scene: Option<SceneSource>,
 
@@ -81,9 +91,11 @@ pub(crate) struct RenderArgs {
 
 impl RenderArgs {
     pub(crate) fn run(self) -> Result<()> {
-        let cameras = match (self.scene, self.cameras) {
-            (Some(scene), _) => CameraSource::Scene(scene.resolved()?),
-            (None, file) => CameraSource::File(file.unwrap_or_default()),
+        let run = self.of_run.map(|root| RunDir::open(&root)).transpose()?;
+        let cameras = match (self.scene, self.cameras, &run) {
+            (Some(scene), _, _) => CameraSource::Scene(scene.resolved()?),
+            (None, None, Some(run)) => CameraSource::File(run.cameras()),
+            (None, file, _) => CameraSource::File(file.unwrap_or_default()),
         };
         let target = match self.y4m {
             Some(path) => RenderTarget::Film(FilmTarget::new(&path)),
@@ -95,7 +107,10 @@ impl RenderArgs {
             }),
         };
         let job = RenderJob {
-            model: self.model,
+            model: match run {
+                Some(run) => run.point_cloud(),
+                None => self.model.unwrap_or_default(),
+            },
             cameras,
             views: match self.orbit {
                 Some(n) => Some(ViewSelection::Orbit(n)),

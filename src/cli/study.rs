@@ -31,7 +31,7 @@ pub(crate) struct StudyArgs {
     #[arg(value_enum, value_name = "NAME")]
     name: StudyName,
 
-    /// Scenes: folders, or `builtin[:WIDTH]`
+    /// Scenes: folders, or `builtin[:WIDTH]` or `builtin:object[:WIDTH]`
     #[arg(long, value_name = "DIR", num_args = 1.., default_value = "builtin")]
     scene: Vec<SceneSource>,
 

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::live::Live;
 use crate::pipeline::{self, GoOn, PriorOptions, Resumed, TrainJob, profile_tables};
 use crate::report::evaluation_table;
-use crate::run::{Evaluation, RunDir};
+use crate::run::{Evaluation, RunDir, VirtualImages};
 use crate::scene::{CloudSource, SceneSource};
 
 const EXAMPLES: &str = "\
@@ -22,6 +22,7 @@ Examples:
   gspotential train --scene scenes/garden --max-size 320 --iterations 1000
   gspotential train --scene scenes/garden --preset 3dgs --out runs/baseline
   gspotential train --set views.count=64 --set loss.ssim_weight=0.3
+  gspotential train --virtual-images repaired          images made of those that `render` wrote
   gspotential train --resume runs/garden
   gspotential train --watch                            and look on in the browser
 
@@ -35,7 +36,8 @@ then the options of their own (--iterations, --gaussians, --max-size, --max-poin
 #[command(after_help = EXAMPLES)]
 pub(crate) struct TrainArgs {
     /// Scene folder, as COLMAP, VGGT, MASt3R, InstantSplat, GaussianObject, nerfstudio or
-    /// instant-ngp write it, or `builtin[:WIDTH]` for the scene that the program makes itself
+    /// instant-ngp write it, or `builtin[:WIDTH]` for the scene that the program makes itself, or
+    /// `builtin:object[:WIDTH]` for its object with masks
     #[arg(long, value_name = "DIR", default_value = "builtin")]
     scene: SceneSource,
 
@@ -113,6 +115,20 @@ pub(crate) struct TrainArgs {
     #[arg(long, value_name = "FILE")]
     cloud: Option<CloudSource>,
 
+    /// Images that virtual views show in place of the cloud, under the names that `render` gave them; a view without an
+    /// image keeps what it has, and a camera of views.json beside them that the run lacks becomes one more view
+    #[arg(long, value_name = "DIR")]
+    virtual_images: Option<PathBuf>,
+
+    /// Multiply the weight of those views by W
+    #[arg(
+        long,
+        value_name = "W",
+        requires = "virtual_images",
+        default_value_t = 1.0
+    )]
+    virtual_images_weight: f64,
+
     /// Measure at the test views every N iterations, too, for the curve in metrics.json; training
     /// itself stays as it is, bit for bit
     #[arg(long, value_name = "N")]
@@ -130,7 +146,7 @@ pub(crate) struct TrainArgs {
     /// may be said again
     #[arg(long, value_name = "RUN", conflicts_with_all = [
         "scene", "photographs", "weights", "out", "preset", "config", "settings", "iterations", "gaussians", "budget", "tolerance", "max_size", "max_points",
-        "seed", "refine_poses", "train_views", "test_views", "cloud", "eval_every", "overwrite",
+        "seed", "refine_poses", "train_views", "test_views", "cloud", "virtual_images", "eval_every", "overwrite",
         "dry_run",
     ])]
     resume: Option<PathBuf>,
@@ -193,6 +209,7 @@ impl TrainArgs {
                 Some(cloud) => Some(cloud.resolved(&job.source)?),
                 None => None,
             },
+            virtual_images: virtual_images(self.virtual_images, self.virtual_images_weight)?,
             train_views: self.train_views,
             test_views: self.test_views,
             eval_every: self.eval_every.map(NonZeroU32::get),
@@ -284,6 +301,28 @@ fn make_scene(photographs: &Path, weights: Option<PathBuf>) -> Result<PathBuf> {
     };
     pipeline::scene_of_photographs(&[folder], &options, &scene)?;
     Ok(scene)
+}
+
+/// Returns the images that virtual views show, their folder made absolute.
+fn virtual_images(folder: Option<PathBuf>, weight: f64) -> Result<Option<VirtualImages>> {
+    let Some(folder) = folder else {
+        return Ok(None);
+    };
+    if !(weight.is_finite() && weight > 0.0) {
+        return Err(Error::usage(format!(
+            "--virtual-images-weight is {weight}, but must be above 0"
+        )));
+    }
+    let absolute = folder.canonicalize().map_err(|e| {
+        Error::new(format!("cannot open the images of virtual views: {e}")).at_path(&folder)
+    })?;
+    if !absolute.is_dir() {
+        return Err(Error::usage("is not a folder").at_path(&folder));
+    }
+    Ok(Some(VirtualImages {
+        folder: absolute.display().to_string(),
+        weight,
+    }))
 }
 
 fn check_names(option: &str, names: Option<&[String]>) -> Result<()> {

@@ -7,6 +7,8 @@
 mod declare;
 mod need;
 mod overlay;
+mod partner;
+mod prior;
 mod reference;
 mod schema;
 mod validate;
@@ -14,5 +16,7 @@ mod validate;
 pub use declare::{Allowed, Interval, Rule};
 pub use need::NeedConfig;
 pub use overlay::{Difference, PRESETS};
+pub use partner::PartnerConfig;
+pub use prior::{NormalAxes, PriorConfig, PriorDepths, PriorLoss, PriorSource, RenderedDepth};
 pub use reference::{Key, keys, reference, summary};
 pub use schema::*;

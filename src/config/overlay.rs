@@ -7,7 +7,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::{Config, RasterizerChoice};
+use super::{Config, Exp2Choice, RasterizerChoice};
 use crate::error::{Error, Result, did_you_mean};
 use crate::files::read_file;
 
@@ -33,6 +33,11 @@ pub const PRESETS: &[(&str, &str)] = &[
         include_str!("../../configs/dropgaussian.json"),
     ),
     ("d2gs", include_str!("../../configs/d2gs.json")),
+    ("corgs", include_str!("../../configs/corgs.json")),
+    (
+        "gaussianobject",
+        include_str!("../../configs/gaussianobject.json"),
+    ),
     (
         "ablation-virtual",
         include_str!("../../configs/ablation/virtual.json"),
@@ -181,6 +186,9 @@ impl Config {
         let mut asked = asked.clone();
         if asked.render.rasterizer == RasterizerChoice::Auto {
             asked.render.rasterizer = self.render.rasterizer;
+        }
+        if asked.render.exp2 == Exp2Choice::Auto {
+            asked.render.exp2 = self.render.exp2;
         }
         self.differences(&asked)
     }

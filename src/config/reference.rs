@@ -43,11 +43,17 @@ pub fn summary(preset: &str) -> &'static str {
         }
         "fast" => "gspotential in a tenth of the time: fewer iterations and views, SH degree 0",
         "instantsplat" => {
-            "InstantSplat's settings: refined poses, high rates, no densification, no virtual views"
+            "InstantSplat's settings: refined poses, high rates, by confidence; no densification"
         }
         "dropgaussian" => "DropGaussian's settings: 3dgs with uniform dropout, slow densification",
         "d2gs" => {
-            "D2GS's settings: as dropgaussian, guided by depth and density; no far-field loss"
+            "D2GS's settings: as dropgaussian, guided by depth and density, far pixels counted again"
+        }
+        "gaussianobject" => {
+            "GaussianObject's coarse stage, for cut-out subjects: visual hull, silhouettes"
+        }
+        "corgs" => {
+            "CoR-GS's settings: two sets of Gaussians that learn from each other, random backgrounds"
         }
         "ablation-virtual" => {
             "ablation: virtual views between photographs, no field, no coverage rules"

@@ -2,11 +2,11 @@
 //!
 //! Lengths are relative to the sphere radius `R`. The defaults are the preset `paper`.
 
-use super::NeedConfig;
 use super::declare::{
     above_to, any, at_least, between, choice, from_below, odd_window, positive, section, within,
     zero_or,
 };
+use super::{NeedConfig, PartnerConfig, PriorConfig};
 
 /// The most that a `u32` holds.
 const U32: f64 = u32::MAX as f64;
@@ -39,8 +39,12 @@ section! {
         shell: ShellConfig = ShellConfig::default(), any();
         /// The image losses.
         loss: LossConfig = LossConfig::default(), any();
+        /// Depths and normals that training views are held to.
+        prior: PriorConfig = PriorConfig::default(), any();
         /// Dropout of Gaussians in training.
         dropout: DropoutConfig = DropoutConfig::default(), any();
+        /// A second set of Gaussians that is trained beside the first.
+        partner: PartnerConfig = PartnerConfig::default(), any();
         /// Refinement of the training cameras' poses.
         poses: PosesConfig = PosesConfig::default(), any();
         /// Adam with 3DGS's learning rates.
@@ -216,6 +220,24 @@ section! {
         filter_window_px: u32 = 5, odd_window();
         /// Pixels with fewer valid neighbours in the window are removed; 0 switches the filter off.
         filter_min_neighbors: u32 = 2, within(0.0, 3968.0).unit("pixels");
+        /// What colours the covered pixels of the virtual views: the `points` of the cloud; the
+        /// `photographs`, warped by the cloud's depth, where one sees the surface; or a `blend` of both by the
+        /// errors that each has at the photographs, which also weighs the pixels. The last two want discs.
+        colors: ColorSource = ColorSource::Points, any();
+    }
+}
+
+choice! {
+    /// What colours a virtual view.
+    enum ColorSource {
+        /// The points of the cloud.
+        Points = "points",
+        /// The photographs, by the eighth power of the cosine between rays; the points where none sees
+        /// the surface.
+        Photographs = "photographs",
+        /// Both by the inverse of the variances that they have at photographs which are left out; pixels
+        /// whose expected error is large weigh less.
+        Blend = "blend",
     }
 }
 
@@ -232,9 +254,14 @@ choice! {
 section! {
     /// How views are rendered.
     struct RenderConfig {
-        /// What rasterizes a tile: a `thread`, for drivers that run on a CPU, or a `workgroup`, for GPUs;
-        /// `auto` is the one for the adapter, and a run's `config.json` says which that was.
+        /// What rasterizes a tile: a `thread`, for drivers that run on a CPU, or a `workgroup`, for GPUs and for as many
+        /// Gaussians and pixels as the small tiles of a `thread` have no room for; `auto` is the one for the adapter, the images' size and
+        /// the cloud, and a run's `config.json` says which that was.
         rasterizer: RasterizerChoice = RasterizerChoice::Auto, any();
+        /// Whose 2^x the rasterizers take: the program's `polynomial`, or that of the `adapter` where a check at the
+        /// start finds it within 2 units in the last place; `auto` is the one for the adapter, and a run's `config.json`
+        /// says which that was.
+        exp2: Exp2Choice = Exp2Choice::Auto, any();
         /// Target images stay on the adapter up to this much, the photographs' first; the others are
         /// unpacked and uploaded when it is their turn. null: 2048 on a GPU, 0 on a driver that runs on
         /// a CPU.
@@ -246,7 +273,7 @@ choice! {
     /// How the rasterizers share an image out among the adapter's threads. Images are the same;
     /// gradients are summed up in another order, so that trainings differ in their last bits.
     enum RasterizerChoice {
-        /// `thread` on a driver that runs on a CPU, `workgroup` on a GPU; a run's `config.json` says
+        /// `thread` on a driver that runs on a CPU, as long as it has room, `workgroup` on a GPU; a run's `config.json` says
         /// which of them it was.
         Auto = "auto",
         /// One thread a tile of 4x8 pixels.
@@ -256,9 +283,25 @@ choice! {
     }
 }
 
+choice! {
+    /// Whose 2^x the rasterizers take; trainings differ in their last bits.
+    enum Exp2Choice {
+        /// `polynomial` on a driver that runs on a CPU, `adapter` on a GPU; a run's `config.json` says
+        /// which of them it was.
+        Auto = "auto",
+        /// The program's own, the same on every adapter.
+        Polynomial = "polynomial",
+        /// The adapter's, a third of the forward rasterizer's instructions less; the polynomial where the adapter's is off by
+        /// more than 2 units in the last place.
+        Adapter = "adapter",
+    }
+}
+
 section! {
     /// The Gaussians at the start.
     struct ModelConfig {
+        /// What the first Gaussians are made of.
+        start: Start = Start::Cloud, any();
         /// Highest spherical-harmonics degree, 0 to 3.
         sh_degree: u32 = 3, within(0.0, 3.0);
         /// The active degree rises by one every so many iterations.
@@ -270,6 +313,16 @@ section! {
         near: f64 = 0.01, between(0.0, 1.0);
         /// Background colour of renders, RGB in [0, 1].
         background: [f64; 3] = [0.0; 3], within(0.0, 1.0);
+    }
+}
+
+choice! {
+    /// What the first Gaussians are made of.
+    enum Start {
+        /// The points of the cloud.
+        Cloud = "cloud",
+        /// The visual hull of the photographs' masks (GaussianObject, Yang et al. 2024).
+        Hull = "hull",
     }
 }
 
@@ -297,6 +350,15 @@ section! {
         /// their colour is filled in from around. Rounded to a multiple of 1/255; 0: ignored, as the
         /// paper does.
         fill_weight: f64 = 0.0, within(0.0, 1.0);
+        /// Weight of a second L1 loss, the mean over the farthest twentieth of a photograph's pixels, by the
+        /// depth of the cloud's nearest point in each (D2GS, Song et al. 2026).
+        far_weight: f64 = 0.0, at_least(0.0);
+        /// Weight of the mean binary cross-entropy between a render's opacity and the mask of a photograph
+        /// whose subject is cut out (GaussianObject, Yang et al. 2024); others have none.
+        silhouette_weight: f64 = 0.0, at_least(0.0);
+        /// Renders have a background colour drawn anew in each iteration instead of `model.background`, and so has a
+        /// photograph around a cut-out subject: no gap between Gaussians can pass for that colour.
+        random_background: bool = false, any();
     }
 }
 
@@ -347,6 +409,10 @@ section! {
         mean_lr_start: f64 = 1.6e-4, positive().unit("camera extents");
         /// Learning rate of positions at the end; in between it falls exponentially.
         mean_lr_end: f64 = 1.6e-6, positive().unit("camera extents");
+        /// The rate of a position is multiplied by 1 plus this times `1 - sigmoid(c)`, `c` the confidence
+        /// of its point of the cloud, above 1 as DUSt3R has it (InstantSplat, Fan et al. 2024); Gaussians
+        /// that come of others have theirs. 0: all positions have the same rate.
+        confidence_gain: f64 = 0.0, at_least(0.0);
         /// Learning rate of colours of degree 0; higher degrees take a twentieth.
         sh_lr: f64 = 2.5e-3, at_least(0.0);
         /// Learning rate of opacity logits.
@@ -393,6 +459,9 @@ section! {
         opacity_reset_interval: u32 = 3000, within(1.0, U32).unit("iterations");
         /// Opacities are not reset after this iteration.
         opacity_reset_end: u32 = 6000, any().unit("iterations");
+        /// Gaussians that lie apart from all others go every so many iterations while it densifies
+        /// (GaussianObject, Yang et al. 2024); null: none.
+        outlier_interval: Option<u32> = None, within(1.0, U32).unit("iterations");
         /// Gaussians are not cloned or split beyond this number.
         max_gaussians: usize = 5_000_000, within(1.0, U32);
     }

@@ -3,7 +3,7 @@
 use std::fmt::Display;
 
 use super::declare::{Entry, Value as _, any};
-use super::{Config, Strategy};
+use super::{ColorSource, Config, Footprint, PriorDepths, PriorLoss, PriorSource, Strategy};
 use crate::error::{Error, Result};
 
 impl Config {
@@ -22,7 +22,8 @@ impl Config {
             }
         }
         self.validate_orders()?;
-        self.validate_pairs()
+        self.validate_pairs()?;
+        self.validate_partner()
     }
 
     /// Returns every section and key with its value, in the order of the declaration.
@@ -55,6 +56,56 @@ impl Config {
         ordered(
             ("views.count", self.views.count),
             ("field.n_candidates", self.field.n_candidates),
+        )
+    }
+
+    /// Refuses what a partner has no place for: each set learns from two views an iteration at most, and holds the cameras.
+    fn validate_partner(&self) -> Result<()> {
+        if !self.partner.enabled {
+            return Ok(());
+        }
+        let without = |what| format!("{what} with partner.enabled");
+        ensure(
+            self.views.count == 0,
+            "views.count",
+            self.views.count,
+            without("0"),
+        )?;
+        ensure(
+            !self.poses.refine,
+            "poses.refine",
+            self.poses.refine,
+            without("false"),
+        )?;
+        ensure(
+            self.dropout.depth_weight == 0.0,
+            "dropout.depth_weight",
+            self.dropout.depth_weight,
+            without("0"),
+        )?;
+        ensure(
+            self.dropout.density_weight == 0.0,
+            "dropout.density_weight",
+            self.dropout.density_weight,
+            without("0"),
+        )?;
+        ensure(
+            self.densify.outlier_interval.is_none(),
+            "densify.outlier_interval",
+            self.densify.outlier_interval.unwrap_or(0),
+            without("null"),
+        )?;
+        ensure(
+            self.optimizer.confidence_gain == 0.0,
+            "optimizer.confidence_gain",
+            self.optimizer.confidence_gain,
+            without("0"),
+        )?;
+        ensure(
+            !self.prior.is_on(),
+            "prior.source",
+            format!("{:?}", self.prior.source).to_lowercase(),
+            without("\"none\""),
         )
     }
 
@@ -91,6 +142,32 @@ impl Config {
             "need.hold_out",
             self.need.hold_out,
             "2 or more with need.ends, need.prune or need.max_mb: held-out views decide",
+        )?;
+        let prior = &self.prior;
+        let files = prior.source == PriorSource::Files;
+        let is_metric = !files || prior.depths == PriorDepths::Metric;
+        ensure(
+            is_metric || prior.loss != PriorLoss::L1,
+            "prior.loss",
+            "l1",
+            "pearson or scale_shift, where prior.depths are not metric",
+        )?;
+        ensure(
+            !(files && prior.depths == PriorDepths::Relative && prior.inverse),
+            "prior.inverse",
+            prior.inverse,
+            "false, where prior.depths are relative: their inverse has no scale and shift",
+        )?;
+        let is_plain = self.splat.colors == ColorSource::Points;
+        ensure(
+            is_plain || self.splat.footprint == Footprint::Disc,
+            "splat.colors",
+            if is_plain {
+                "points"
+            } else {
+                "photographs or blend"
+            },
+            "points with splat.footprint pixel, which leaves no surface to warp by",
         )?;
         let visibility = self.views.visibility.enabled;
         ensure(

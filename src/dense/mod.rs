@@ -5,7 +5,9 @@ mod cloud;
 mod depth;
 mod edges;
 mod luma;
+mod normals;
 
 pub use adjust::{Adjusted, adjust};
 pub use cloud::{Cloud, CloudOptions, cloud};
 pub use depth::{DepthMap, scale_of_cameras, scale_to_points};
+pub use normals::normals;

@@ -131,7 +131,13 @@ struct Twin {
 }
 
 impl Twin {
-    fn step(&mut self, config: &Config, iteration: u32, n_sh: usize, gradients: &[Vec<f64>; 5]) {
+    fn step(
+        &mut self,
+        config: &Config,
+        (iteration, n_sh): (u32, usize),
+        gradients: &[Vec<f64>; 5],
+        gains: &[f32],
+    ) {
         let o = &config.optimizer;
         let adam = TwinAdam {
             beta1: o.beta1,
@@ -145,6 +151,7 @@ impl Twin {
                 let rate = match class {
                     4 if (j / 3).is_multiple_of(n_sh) => o.sh_lr,
                     4 => o.sh_lr / 20.0,
+                    0 => mean * (1.0 + gains.get(j / 3).map_or(0.0, |gain| f64::from(*gain))),
                     _ => rates[class],
                 };
                 let value = &mut self.values[class][j];
@@ -171,12 +178,38 @@ impl Twin {
 /// Distance from the origin that about half of the Gaussians lie beyond.
 pub const FROZEN_BEYOND: f32 = 0.635;
 
+/// The ways in which a step may treat Gaussians unlike one another.
+#[derive(Clone, Copy, Debug)]
+pub struct Treatment {
+    /// Distance from the origin beyond which geometry stays as it is; infinite: nowhere.
+    pub frozen_beyond: f32,
+    /// Whether positions have rates of their own.
+    pub own_rates: bool,
+}
+
+impl Treatment {
+    /// Treats all alike.
+    pub const ALIKE: Treatment = Treatment {
+        frozen_beyond: f32::INFINITY,
+        own_rates: false,
+    };
+}
+
 /// Steps a model of degree `stored`, the active degree rising to it, over one view or two, and
-/// holds it to the reference. The geometry beyond `frozen_beyond` stays as it is.
+/// holds it to the reference.
 ///
 /// # Errors
 /// A GPU fault, or a case that the adapter cannot hold.
-pub fn examine(ctx: &Context, stored: u32, n_views: usize, frozen_beyond: f32) -> Result<Findings> {
+pub fn examine(
+    ctx: &Context,
+    stored: u32,
+    n_views: usize,
+    treatment: Treatment,
+) -> Result<Findings> {
+    let Treatment {
+        frozen_beyond,
+        own_rates,
+    } = treatment;
     let gpu = &ctx.gpu;
     let config = config()?;
     let case = random_scene(N, stored as usize, 80 + u64::from(stored));
@@ -188,7 +221,12 @@ pub fn examine(ctx: &Context, stored: u32, n_views: usize, frozen_beyond: f32) -
     }
     let n_sh = start.n_sh();
     let stride = N + 7;
-    let optimizer = Optimizer::new(gpu, Model::upload(gpu, &start, stride)?)?;
+    let mut optimizer = Optimizer::new(gpu, Model::upload(gpu, &start, stride)?)?;
+    let gains: Vec<f32> = match own_rates {
+        true => (0..N).map(|i| 0.05 * i as f32).collect(),
+        false => Vec::new(),
+    };
+    optimizer.set_position_gains(gpu, &gains);
     let space = workspace(ctx, stride)?;
     let groups = optimizer.bind(gpu, &ctx.optimizer, &space);
     space.buffer("totals").write(gpu, &[0_u32; 4]);
@@ -213,13 +251,14 @@ pub fn examine(ctx: &Context, stored: u32, n_views: usize, frozen_beyond: f32) -
         commands.submit();
         let gradients = drawn.gradients(&twin.values[0], n_views, degree, n_sh);
         let before = twin.values.clone();
-        twin.step(&config, iteration, n_sh, &gradients);
+        twin.step(&config, (iteration, n_sh), &gradients, &gains);
         twin.freeze(frozen_beyond, &before);
     }
 
-    let frozen = match frozen_beyond.is_finite() {
-        true => ", some frozen",
-        false => "",
+    let frozen = match (frozen_beyond.is_finite(), own_rates) {
+        (true, _) => ", some frozen",
+        (false, true) => ", rates of their own",
+        (false, false) => "",
     };
     let mut out = Findings::of(format!(
         "degree {stored}, {n_views} views, {STEPS} steps{frozen}"

@@ -138,29 +138,28 @@ pub fn examine_rearrange(
     let SetSize { n, stride } = set;
     let len = plan.sources.len();
     let mut out = Findings::of(format!("{n} to {len} Gaussians of degree {degree}"));
-    for densifies in [true, false] {
-        examine_one(
-            ctx,
-            plan,
-            optimizer(ctx, n, stride, degree)?,
-            densifies,
-            &mut out,
-        )?;
+    for kind in [(true, false), (false, false), (true, true), (false, true)] {
+        let optimizer = optimizer(ctx, n, stride, degree)?;
+        examine_one(ctx, plan, optimizer, kind, &mut out)?;
     }
     Ok(out)
 }
 
-/// Does so for a plan that densifies, after which statistics start anew, or for one that does not.
+/// Does so for a plan that densifies, after which statistics start anew but for the rates of
+/// positions that have their own, or for one that does not.
 fn examine_one(
     ctx: &Context,
     plan: &Plan,
     mut optimizer: Optimizer,
-    densifies: bool,
+    (densifies, own_rates): (bool, bool),
     out: &mut Findings,
 ) -> Result<()> {
+    let rate = if own_rates { 4.0 } else { 0.0 };
     let gathered: Vec<[f32; 4]> = (0..optimizer.model.n)
-        .map(|i| [1.0, 2.0, 3.0, 0.0].map(|k: f32| k * (i + 1) as f32))
+        .map(|i| [1.0, 2.0, 3.0, rate].map(|k: f32| k * (i + 1) as f32))
         .collect();
+    let gains: Vec<f32> = gathered.iter().map(|g| g[3]).collect();
+    optimizer.set_position_gains(&ctx.gpu, if own_rates { &gains } else { &[] });
     if let Some(statistics) = optimizer.buffers().last() {
         statistics.write(&ctx.gpu, &gathered);
     }
@@ -175,16 +174,19 @@ fn examine_one(
         let n_wrong = n_different(&new[which], &expected);
         out.none((stage::REARRANGE, what), n_wrong);
     }
-    let statistics = optimizer.gather(&ctx.gpu)?.statistics;
-    let expected: Vec<[f32; 3]> = plan
+    let statistics: Vec<[f32; 4]> = match optimizer.buffers().last() {
+        Some(statistics) => statistics.read(&ctx.gpu, plan.sources.len())?,
+        None => Vec::new(),
+    };
+    let expected: Vec<[f32; 4]> = plan
         .sources
         .iter()
         .map(|source| {
-            let [sum, n_views, radius, _] = gathered[(source & !NEW) as usize];
+            let [sum, n_views, radius, rate] = gathered[(source & !NEW) as usize];
             if densifies {
-                [0.0; 3]
+                [0.0, 0.0, 0.0, rate]
             } else {
-                [sum, n_views, radius]
+                [sum, n_views, radius, rate]
             }
         })
         .collect();

@@ -153,7 +153,7 @@ pub fn examine_backward(
 }
 
 /// Reads each pair's sums: `v, v t_x, v t_y, v t_x^2, v t_x t_y, v t_y^2, d_rgb`.
-fn read_pairs(ctx: &Context, rig: &Rig, n_pairs: usize) -> Result<Vec<[f32; 9]>> {
+pub(super) fn read_pairs(ctx: &Context, rig: &Rig, n_pairs: usize) -> Result<Vec<[f32; 9]>> {
     let a: Vec<[f32; 4]> = rig.read(ctx, "d_pair_a", n_pairs)?;
     let b: Vec<[f32; 4]> = rig.read(ctx, "d_pair_b", n_pairs)?;
     let c: Vec<f32> = rig.read(ctx, "d_pair_c", n_pairs)?;
@@ -180,7 +180,7 @@ fn read_moments(ctx: &Context, rig: &Rig, ranges: &[[u32; 2]]) -> Result<Vec<[f6
 }
 
 /// Returns the sum over a range of pairs.
-fn sum_of(pairs: &[[f32; 9]], [first, end]: &[u32; 2]) -> SplatGradient {
+pub(super) fn sum_of(pairs: &[[f32; 9]], [first, end]: &[u32; 2]) -> SplatGradient {
     let end = (*end as usize).min(pairs.len());
     let mut sum = [0.0; 9];
     for pair in &pairs[(*first as usize).min(end)..end] {
@@ -222,7 +222,7 @@ fn n_wrong_sums(pairs: &[[f32; 9]], summed: &[[f32; 9]], ranges: &[[u32; 2]]) ->
 
 /// Returns the reference's gradient to a splat in the terms of [`read_pairs`]: `v` is the gradient
 /// of the exponent and `t = (l_xx dx + l_xy dy, l_yy dy)` with `|t|^2 ln 2 = q / 2`.
-fn moments_of(splat: &TwinSplat, d: &SplatGradient) -> SplatGradient {
+pub(super) fn moments_of(splat: &TwinSplat, d: &SplatGradient) -> SplatGradient {
     if !splat.valid {
         return [0.0; 9];
     }

@@ -113,7 +113,7 @@ pub struct LossCase {
 }
 
 /// Returns `height * width * 3` bytes of the target image and values of the render.
-fn images(kind: Kind, (width, height): (usize, usize)) -> (Vec<u8>, Vec<f64>) {
+pub(super) fn images(kind: Kind, (width, height): (usize, usize)) -> (Vec<u8>, Vec<f64>) {
     let mut random = Random::new(width as u64 * 1000 + height as u64);
     let mut value = |i: usize| match kind {
         Kind::Noise => (random.uniform(0.0, 256.0), random.uniform(-0.2, 1.2)),
@@ -289,7 +289,7 @@ pub fn examine_residual(ctx: &Context, (width, height): (usize, usize)) -> Resul
 }
 
 /// Returns the RGBA8 of a target image.
-fn texels(goal: &[u8], alpha: &[u8]) -> Vec<u32> {
+pub(super) fn texels(goal: &[u8], alpha: &[u8]) -> Vec<u32> {
     let pixels = goal.chunks_exact(3).zip(alpha);
     pixels
         .map(|(p, alpha)| u32::from_le_bytes([p[0], p[1], p[2], *alpha]))

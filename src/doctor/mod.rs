@@ -7,17 +7,22 @@
 //! are integers, agree exactly with what the host makes of the same input.
 
 mod adapter;
+mod bounds;
+mod depth_losses;
 mod finding;
 mod rig;
 mod table;
 
 pub mod adam;
 pub mod changes;
+pub mod depth;
 pub mod determinism;
+pub mod exchange;
 pub mod forward;
 pub mod host;
 pub mod image;
 pub mod loss;
+pub mod marks;
 pub mod pose;
 pub mod stage;
 pub mod timing;
@@ -39,7 +44,7 @@ use self::loss::{Kind, LossCase, MaskKind};
 use self::timing::Timing;
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::gpu::{Gpu, Rasterizer};
+use crate::gpu::{Exp2, Gpu, Rasterizer, exp2};
 use crate::version::VERSION;
 
 /// The doctor's findings on an adapter, and its verdict.
@@ -108,7 +113,7 @@ pub fn examine(gpu: Gpu) -> Result<Report> {
         .at(&adapter.name)
         .way_out("update its driver, or use another adapter"));
     }
-    let mut ctx = Context::new(gpu);
+    let mut ctx = Context::new(gpu)?;
     let config = Config::preset("paper")?;
     let mut findings = examine_kernels(&ctx)?;
     let mut timings = timing::time_rest(&ctx)?;
@@ -164,6 +169,20 @@ pub fn examine_views(ctx: &Context) -> Result<Vec<Finding>> {
     Ok(findings)
 }
 
+/// Holds 2^x, as the rasterizers take it, to exact powers; errors and bounds are units in the last place.
+///
+/// # Errors
+/// A GPU fault.
+pub fn examine_exp2(ctx: &Context) -> Result<Findings> {
+    let mut findings = Findings::of(match ctx.exp2 {
+        Exp2::Polynomial => "polynomial",
+        Exp2::Adapter => "the adapter's own",
+    });
+    let ulps = exp2::worst_ulps(&ctx.gpu, &ctx.powers)?;
+    findings.add((stage::EXP2, "ulp"), ulps, exp2::MOST_ULPS);
+    Ok(findings)
+}
+
 /// Holds the image losses to the reference, with the context's rasterizer.
 ///
 /// # Errors
@@ -172,6 +191,9 @@ pub fn examine_losses(ctx: &Context) -> Result<Vec<Finding>> {
     let mut findings = Vec::new();
     for case in loss_cases() {
         findings.extend(loss::examine(ctx, &case)?.list);
+    }
+    for masked in [false, true] {
+        findings.extend(marks::examine(ctx, (33, 17), masked)?.list);
     }
     findings.extend(loss::examine_residual(ctx, loss::LARGE)?.list);
     Ok(findings)
@@ -183,10 +205,11 @@ pub fn examine_losses(ctx: &Context) -> Result<Vec<Finding>> {
 /// A GPU fault.
 pub fn examine_kernels(ctx: &Context) -> Result<Vec<Finding>> {
     let mut findings = examine_views(ctx)?;
+    findings.extend(examine_exp2(ctx)?.list);
     findings.extend(examine_losses(ctx)?);
     for degree in 0..4 {
         for n_views in [1, 2] {
-            findings.extend(adam::examine(ctx, degree, n_views, f32::INFINITY)?.list);
+            findings.extend(adam::examine(ctx, degree, n_views, adam::Treatment::ALIKE)?.list);
         }
         // Fewer, within the room that there is, and more.
         for len in [40, 170, 333] {
@@ -198,8 +221,29 @@ pub fn examine_kernels(ctx: &Context) -> Result<Vec<Finding>> {
             findings.extend(changes::examine_rearrange(ctx, &plan, set, degree)?.list);
         }
     }
-    findings.extend(adam::examine(ctx, 1, 2, adam::FROZEN_BEYOND)?.list);
+    findings.extend(examine_treatments(ctx)?);
     findings.extend(changes::examine_reset(ctx, 70)?.list);
+    for size in [(33, 17), (64, 48)] {
+        findings.extend(exchange::examine(ctx, size)?.list);
+    }
+    Ok(findings)
+}
+
+/// Holds steps to the reference that treat Gaussians unlike one another.
+///
+/// # Errors
+/// A GPU fault, or a case that the adapter cannot hold.
+pub fn examine_treatments(ctx: &Context) -> Result<Vec<Finding>> {
+    let frozen = adam::Treatment {
+        frozen_beyond: adam::FROZEN_BEYOND,
+        own_rates: false,
+    };
+    let own_rates = adam::Treatment {
+        own_rates: true,
+        ..adam::Treatment::ALIKE
+    };
+    let mut findings = adam::examine(ctx, 1, 2, frozen)?.list;
+    findings.extend(adam::examine(ctx, 1, 1, own_rates)?.list);
     Ok(findings)
 }
 

@@ -5,19 +5,20 @@ use bytemuck::Pod;
 use glam::{DMat3, DVec3, Vec3};
 
 use crate::camera::Camera;
-use crate::config::RasterizerChoice;
+use crate::config::{Exp2Choice, RasterizerChoice};
 use crate::doctor::twin::dropout::TwinDropout;
 use crate::doctor::twin::model::{TwinCamera, TwinGaussians};
 use crate::error::Result;
 use crate::gaussians::Gaussians;
-use crate::gpu::shader::{self, Sources};
-use crate::gpu::{Buffer, Commands, Gpu, Rasterizer};
+use crate::gpu::shader::Sources;
+use crate::gpu::{Buffer, Commands, Exp2, Gpu, Kernel, Rasterizer, exp2};
 use crate::render::{
-    Bound, Capacity, Kernels, LossUniform, Model, Pass, PassStep, PoseKernels, Rendered,
-    ViewUniform, Workspace, read_rendered, read_totals, until_it_fits,
+    Bound, Capacity, DepthKernels, Kernels, LossUniform, Model, Pass, PassStep, PoseKernels,
+    Rendered, ViewUniform, Workspace, read_rendered, read_totals, until_it_fits,
 };
 use crate::train::guide::Guide;
 use crate::train::optimizer::OptimizerKernels;
+use crate::train::partner::exchange::ExchangeKernels;
 
 /// An adapter with every kernel.
 pub struct Context {
@@ -29,13 +30,26 @@ pub struct Context {
     pub optimizer: OptimizerKernels,
     /// Kernels of the gradient with respect to the camera's pose.
     pub pose: PoseKernels,
+    /// Kernels that hand over between two sets of Gaussians.
+    pub exchange: ExchangeKernels,
+    /// Kernels of depths and normals.
+    pub depth: DepthKernels,
+    /// Whose 2^x the program's own kernels take.
+    pub exp2: Exp2,
+    /// Takes 2^x as the rasterizers do.
+    pub powers: Kernel,
 }
 
 impl Context {
-    /// Takes all kernels, with the rasterizer that the rule gives this adapter.
-    pub fn new(gpu: Gpu) -> Context {
+    /// Takes all kernels, with the rasterizer and the 2^x that the rules give this adapter.
+    ///
+    /// # Errors
+    /// A GPU fault.
+    pub fn new(gpu: Gpu) -> Result<Context> {
         let rasterizer = Rasterizer::of(RasterizerChoice::Auto, &gpu);
-        Self::from_sources(gpu, rasterizer, &shader::compose)
+        let exp2 = Exp2::of(Exp2Choice::Auto, &gpu)?;
+        let ctx = Self::from_sources(gpu, rasterizer, exp2.sources());
+        Ok(Context { exp2, ..ctx })
     }
 
     /// Does the same as [`Context::new`] with another rasterizer, and other sources than the program's.
@@ -44,6 +58,10 @@ impl Context {
             kernels: Kernels::from_sources(rasterizer, sources),
             optimizer: OptimizerKernels::from_sources(sources),
             pose: PoseKernels::from_sources(sources),
+            exchange: ExchangeKernels::from_sources(sources),
+            depth: DepthKernels::from_sources(rasterizer, sources),
+            exp2: Exp2::Polynomial,
+            powers: exp2::kernel(sources),
             gpu,
         }
     }
@@ -51,7 +69,8 @@ impl Context {
     /// Makes a context of the same adapter with another rasterizer.
     pub fn with_rasterizer(self, rasterizer: Rasterizer) -> Context {
         Context {
-            kernels: Kernels::with(rasterizer),
+            kernels: Kernels::from_sources(rasterizer, self.exp2.sources()),
+            depth: DepthKernels::from_sources(rasterizer, self.exp2.sources()),
             ..self
         }
     }
@@ -146,6 +165,11 @@ impl Rig {
 
     /// Returns the view's stages, to be recorded.
     pub fn pass<'a>(&'a self, ctx: &'a Context) -> Pass<'a> {
+        self.pass_in(ctx, 0)
+    }
+
+    /// Returns the stages of the view in this slot of a step.
+    pub fn pass_in<'a>(&'a self, ctx: &'a Context, slot: usize) -> Pass<'a> {
         Pass::new(
             &ctx.gpu,
             &ctx.kernels,
@@ -154,7 +178,7 @@ impl Rig {
             &self.model,
             self.view,
             PassStep {
-                slot: 0,
+                slot,
                 sh_degree: self.sh_degree,
                 number: 1,
             },
@@ -224,6 +248,22 @@ impl Rig {
         read_rendered(&ctx.gpu, self.workspace.buffer("rendered"), &self.view)
     }
 
+    /// Fills the target image of a slot with [`POISON`].
+    pub fn poison_goal(&self, ctx: &Context, slot: usize) {
+        let goal = self.workspace.of_slot("goal", slot);
+        goal.write(&ctx.gpu, &vec![POISON; goal.bytes() as usize / 4]);
+    }
+
+    /// Reads the target image of a slot, without its padding.
+    ///
+    /// # Errors
+    /// A GPU fault.
+    pub fn read_goal(&self, ctx: &Context, slot: usize) -> Result<Vec<u32>> {
+        let goal = self.workspace.of_slot("goal", slot);
+        let texels: Vec<u32> = goal.read(&ctx.gpu, 4 * self.view.plane_len())?;
+        Ok(self.pixels().map(|i| texels[i]).collect())
+    }
+
     /// Reads the first three planes of an image buffer as interleaved pixels, without its padding.
     ///
     /// # Errors
@@ -235,8 +275,21 @@ impl Rig {
         Ok(self.pixels().flat_map(of_pixel).collect())
     }
 
+    /// Reads one plane of an image.
+    ///
+    /// # Errors
+    /// A GPU fault.
+    pub fn read_plane(&self, ctx: &Context, name: &str, plane: usize) -> Result<Vec<f64>> {
+        let len = 4 * self.view.plane_len();
+        let values: Vec<f32> = self.read(ctx, name, (plane + 1) * len)?;
+        Ok(self
+            .pixels()
+            .map(|i| f64::from(values[plane * len + i]))
+            .collect())
+    }
+
     /// Returns the places of the image's pixels in a padded plane.
-    fn pixels(&self) -> impl Iterator<Item = usize> {
+    pub(super) fn pixels(&self) -> impl Iterator<Item = usize> {
         let row_len = 4 * self.view.padded_size().0;
         let (width, height) = (self.view.size[0] as usize, self.view.size[1] as usize);
         (0..height).flat_map(move |y| y * row_len..y * row_len + width)

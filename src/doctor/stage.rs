@@ -21,6 +21,8 @@ pub const BIN_WORKGROUP: &str = "bin, workgroup";
 pub const TILE_RANGES: &str = "tile_ranges";
 /// Orders the tiles of a block by the length of their lists.
 pub const TILE_ORDER: &str = "tile_order";
+/// Takes 2^x, whichever the rule gives the adapter.
+pub const EXP2: &str = "2^x";
 /// Blends the splats of each tile to an image.
 pub const RASTERIZE: &str = "rasterize";
 /// Blends the splats of each tile, a workgroup a tile.
@@ -43,19 +45,35 @@ pub const SUM_PAIRS: &str = "sum_pairs";
 pub const PROJECT_BACKWARD: &str = "project_backward";
 /// Carries the gradients back to the camera's pose.
 pub const POSE_BACKWARD: &str = "pose_backward";
+/// Finds depths and normals of Gaussians.
+pub const PROJECT_DEPTH: &str = "project_depth";
+/// Blends the depths and normals of each tile.
+pub const RASTERIZE_DEPTH: &str = "rasterize_depth";
+/// Blends the depths and normals of each tile, a workgroup a tile.
+pub const RASTERIZE_DEPTH_WORKGROUP: &str = "rasterize_depth, workgroup";
+/// Compares depths and normals with targets, and finds the gradient.
+pub const DEPTH_LOSS: &str = "depth_loss";
+/// Adds the gradients of depths and normals to the pairs'.
+pub const RASTERIZE_DEPTH_BACKWARD: &str = "rasterize_depth_backward";
+/// Adds these gradients, a workgroup a tile.
+pub const RASTERIZE_DEPTH_BACKWARD_WORKGROUP: &str = "rasterize_depth_backward, workgroup";
+/// Carries the gradients of depths and normals back to the stored parameters.
+pub const PROJECT_DEPTH_BACKWARD: &str = "project_depth_backward";
 /// Steps the parameters, SH by way of the colours' gradients.
 pub const ADAM: &str = "Adam";
 /// Carries a densification plan out.
 pub const REARRANGE: &str = "rearrange";
 /// Bounds opacities from above and clears their moments.
 pub const RESET_OPACITY: &str = "reset_opacity";
+/// Hands renders over to the set of Gaussians that is trained beside.
+pub const EXCHANGE: &str = "exchange";
 /// Finds the potentials `U_info` and `U_conf` of directions.
 pub const FIELD: &str = "field, on the CPU";
 /// Splats the point cloud into a camera.
 pub const POINT_SPLAT: &str = "point splat, on the CPU";
 
 /// Every stage, in the order of the flow.
-pub const ALL: [&str; 25] = [
+pub const ALL: [&str; 34] = [
     PROJECT,
     SCAN,
     SCAN_WORKGROUP,
@@ -65,6 +83,7 @@ pub const ALL: [&str; 25] = [
     BIN_WORKGROUP,
     TILE_RANGES,
     TILE_ORDER,
+    EXP2,
     RASTERIZE,
     RASTERIZE_WORKGROUP,
     LOSS,
@@ -76,9 +95,17 @@ pub const ALL: [&str; 25] = [
     SUM_PAIRS,
     PROJECT_BACKWARD,
     POSE_BACKWARD,
+    PROJECT_DEPTH,
+    RASTERIZE_DEPTH,
+    RASTERIZE_DEPTH_WORKGROUP,
+    DEPTH_LOSS,
+    RASTERIZE_DEPTH_BACKWARD,
+    RASTERIZE_DEPTH_BACKWARD_WORKGROUP,
+    PROJECT_DEPTH_BACKWARD,
     ADAM,
     REARRANGE,
     RESET_OPACITY,
+    EXCHANGE,
     FIELD,
     POINT_SPLAT,
 ];
@@ -100,11 +127,15 @@ pub struct Own {
     pub masked_loss: &'static str,
     /// Finds the gradients of the pairs.
     pub rasterize_backward: &'static str,
+    /// Blends depths and normals.
+    pub rasterize_depth: &'static str,
+    /// Adds their gradients to the pairs'.
+    pub rasterize_depth_backward: &'static str,
 }
 
 impl Own {
     /// Returns all of them.
-    pub fn all(&self) -> [&'static str; 7] {
+    pub fn all(&self) -> [&'static str; 9] {
         [
             self.scan,
             self.radix_sort,
@@ -113,6 +144,8 @@ impl Own {
             self.loss,
             self.masked_loss,
             self.rasterize_backward,
+            self.rasterize_depth,
+            self.rasterize_depth_backward,
         ]
     }
 }
@@ -128,6 +161,8 @@ pub fn own(rasterizer: Rasterizer) -> Own {
             bin: BIN,
             rasterize: RASTERIZE,
             rasterize_backward: RASTERIZE_BACKWARD,
+            rasterize_depth: RASTERIZE_DEPTH,
+            rasterize_depth_backward: RASTERIZE_DEPTH_BACKWARD,
         },
         Rasterizer::Workgroup => Own {
             scan: SCAN_WORKGROUP,
@@ -137,6 +172,8 @@ pub fn own(rasterizer: Rasterizer) -> Own {
             bin: BIN_WORKGROUP,
             rasterize: RASTERIZE_WORKGROUP,
             rasterize_backward: RASTERIZE_BACKWARD_WORKGROUP,
+            rasterize_depth: RASTERIZE_DEPTH_WORKGROUP,
+            rasterize_depth_backward: RASTERIZE_DEPTH_BACKWARD_WORKGROUP,
         },
     }
 }

@@ -5,11 +5,14 @@ use std::time::Instant;
 
 use super::rig::{Context, Rig};
 use super::view::{TIMED_GAUSSIANS, TIMED_SIZE, ViewCase};
-use super::{adam, changes, loss, stage};
+use super::{adam, changes, exchange, loss, stage};
 use crate::doctor::twin::random::Random;
 use crate::error::Result;
-use crate::gpu::{Commands, Profile, Rasterizer};
-use crate::render::{LossUniform, Pass, PoseGradient, read_totals};
+use crate::gpu::{Commands, Profile, Rasterizer, exp2};
+use crate::render::{
+    DepthKernels, DepthLossKind, DepthLossUniform, DepthPass, DepthPlane, DepthSize, LossUniform,
+    Pass, PoseGradient, read_totals,
+};
 use crate::train::optimizer::StepUniform;
 
 /// Rounds of which the fastest counts.
@@ -138,6 +141,40 @@ fn steps(rasterizer: Rasterizer) -> [Step; 12] {
     ]
 }
 
+/// A stage of depths and normals and how it is recorded.
+type DepthStep = (
+    &'static str,
+    fn(&Pass<'_>, &mut Commands<'_>, &DepthKernels, &DepthPass),
+);
+
+/// Times the stages of depths and normals, between the colours' forward and backward.
+fn depth_steps(rasterizer: Rasterizer) -> [DepthStep; 5] {
+    let own = stage::own(rasterizer);
+    [
+        (stage::PROJECT_DEPTH, |pass, commands, kernels, depth| {
+            pass.project_depth(commands, kernels, depth);
+        }),
+        (own.rasterize_depth, |pass, commands, kernels, depth| {
+            pass.rasterize_depth(commands, kernels, depth);
+        }),
+        (stage::DEPTH_LOSS, |pass, commands, kernels, depth| {
+            pass.depth_loss(commands, kernels, depth, DepthLossKind::Pearson);
+        }),
+        (
+            own.rasterize_depth_backward,
+            |pass, commands, kernels, depth| {
+                pass.rasterize_depth_backward(commands, kernels, depth);
+            },
+        ),
+        (
+            stage::PROJECT_DEPTH_BACKWARD,
+            |pass, commands, kernels, depth| {
+                pass.project_depth_backward(commands, kernels, depth);
+            },
+        ),
+    ]
+}
+
 /// Times the stages of a view, and returns the seconds of all together, forward and backward, too.
 ///
 /// # Errors
@@ -156,6 +193,27 @@ pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<(Vec<Timing>, f64)> {
     let (d_rgb, d_alpha) = weights.split_at(3 * n_pixels);
     rig.write_image(ctx, "d_rendered", d_rgb, d_alpha, 0.0);
     let pose = PoseGradient::new(&ctx.gpu, &ctx.pose, &rig.workspace, &rig.model)?;
+    let size = DepthSize {
+        normals: true,
+        patch_px: 64,
+    };
+    let views = [rig.view];
+    let (gpu, kernels) = (&ctx.gpu, &ctx.depth);
+    let depth = DepthPass::new(gpu, kernels, &rig.workspace, &rig.model, &views, size)?;
+    depth.set_target(gpu, &vec![1.0; size.n_planes() * 4 * rig.view.plane_len()]);
+    depth.set_loss(
+        gpu,
+        DepthLossUniform {
+            weight: 1.0,
+            patch_weight: 1.0,
+            normal_weight: 1.0,
+            kind: DepthLossKind::Pearson as u32,
+            plane: DepthPlane::Expected as u32,
+            inverse: 0,
+            patch_vectors: size.patch_vectors(),
+            normals: 1,
+        },
+    );
     let mut watch = Stopwatch::new(ctx);
     let mut least = f64::INFINITY;
     for _ in 0..ROUNDS {
@@ -168,6 +226,15 @@ pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<(Vec<Timing>, f64)> {
         least = least.min(round.values().sum());
         let moved = watch.run(|commands| pass.pose_backward(commands, &ctx.pose, &pose))?;
         round.insert(stage::POSE_BACKWARD, moved);
+        // The splats' gradients lie in the splats' place.
+        watch.run(|commands| {
+            pass.forward(commands);
+            pass.rasterize_backward(commands);
+        })?;
+        for (stage, record) in depth_steps(rasterizer) {
+            let seconds = watch.run(|commands| record(&pass, commands, &ctx.depth, &depth))?;
+            round.insert(stage, seconds);
+        }
         for (stage, seconds) in round {
             watch.keep(stage, seconds);
         }
@@ -189,6 +256,11 @@ pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<(Vec<Timing>, f64)> {
         (stage::SUM_PAIRS, n_pairs, "pairs"),
         (stage::PROJECT_BACKWARD, n, "Gaussians"),
         (stage::POSE_BACKWARD, n, "Gaussians"),
+        (stage::PROJECT_DEPTH, n, "Gaussians"),
+        (own.rasterize_depth, n_pairs, "pairs"),
+        (stage::DEPTH_LOSS, n_pixels, "pixels"),
+        (own.rasterize_depth_backward, n_pairs, "pairs"),
+        (stage::PROJECT_DEPTH_BACKWARD, n, "Gaussians"),
     ]
     .map(|(stage, count, unit)| watch.timing(stage, count, unit));
     Ok((timings.to_vec(), least))
@@ -218,7 +290,7 @@ pub fn time_losses(ctx: &Context) -> Result<(Vec<Timing>, f64)> {
     Ok((vec![plain, masked], plain.seconds))
 }
 
-/// Times Adam, and the changes of the set.
+/// Times Adam, what partners hand over, and the changes of the set.
 ///
 /// # Errors
 /// A GPU fault, or a case that the adapter cannot hold.
@@ -238,6 +310,25 @@ pub fn time_rest(ctx: &Context) -> Result<Vec<Timing>> {
         watch.keep(stage::ADAM, seconds);
     }
     let mut timings = vec![watch.timing(stage::ADAM, n, "Gaussians")];
+    let n_pixels = TIMED_SIZE.0 * TIMED_SIZE.1;
+    let pair = exchange::Pair::new(ctx, TIMED_SIZE)?;
+    for _ in 0..ROUNDS {
+        let seconds = watch.run(|commands| pair.hand_over(ctx, commands))?;
+        watch.keep(stage::EXCHANGE, seconds);
+    }
+    timings.push(watch.timing(stage::EXCHANGE, n_pixels, "pixels"));
+    let mut powers = f64::INFINITY;
+    for _ in 0..ROUNDS {
+        let clock = Clock::start();
+        exp2::worst_ulps(gpu, &ctx.powers)?;
+        powers = powers.min(clock.seconds());
+    }
+    timings.push(Timing::wall(
+        stage::EXP2,
+        exp2::N_CHECKED,
+        "exponents",
+        powers,
+    ));
     // Both submit themselves.
     let mut optimizer = optimizer;
     let plan = changes::random_plan(n, n, 3);

@@ -1,5 +1,7 @@
 //! Whole views: the cases that every stage of a view is held to.
 
+pub use super::bounds::Bounds;
+use super::depth;
 use super::finding::Findings;
 use super::forward::{self, ListLengths};
 use super::image::{self, Truth, TwinSplats};
@@ -16,17 +18,6 @@ use crate::doctor::twin::raster::{TwinRender, backward, render};
 use crate::doctor::twin::tolerance;
 use crate::error::Result;
 use crate::gpu::Commands;
-
-/// Largest errors that pass.
-#[derive(Clone, Copy, Debug)]
-pub struct Bounds {
-    /// Relative L2 of each number of the splats.
-    pub projection: f64,
-    /// Largest difference of an image off fragile pixels.
-    pub image: f64,
-    /// Relative L2 of each class of gradients.
-    pub gradient: f64,
-}
 
 /// Bounds of ordinary Gaussians.
 pub const ORDINARY: Bounds = Bounds {
@@ -234,5 +225,19 @@ pub fn examine(ctx: &Context, case: &ViewCase) -> Result<(Findings, ListLengths)
     image::hold_gradients(&ours, gaussians, camera, &truth, bounds.gradient, &mut out);
     let pose = pose_gradient(gaussians, camera, d_splats);
     pose::examine(ctx, &rig, &pose, bounds.gradient, &mut out)?;
+    let twin = depth::Twin {
+        render: &twin,
+        gradients: &gradients,
+        pose,
+    };
+    depth::examine(
+        ctx,
+        &rig,
+        (gaussians, camera),
+        &twin,
+        (&d_rgb, &d_alpha),
+        *bounds,
+        &mut out,
+    )?;
     Ok((out, lengths))
 }

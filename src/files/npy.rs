@@ -1,4 +1,4 @@
-//! This module reads vectors from NumPy's `.npy`, version 1 to 3 (NEP 1).
+//! This module reads arrays from NumPy's `.npy`, version 1 to 3 (NEP 1).
 //!
 //! The crates that read the format bring a parser of Python literals along; a header takes one
 //! line of three known keys.
@@ -22,6 +22,31 @@ pub(crate) fn read_vector(bytes: &[u8]) -> Result<Vec<f32>> {
         ))
         .way_out("save one value a point"));
     }
+    numbers(&header, data, Some(length))
+}
+
+/// Reads the shape and the numbers of a float array, the last axis running fastest.
+///
+/// # Errors
+///
+/// Not such an array, or data that do not fill its shape exactly.
+pub(crate) fn read_array(bytes: &[u8]) -> Result<(Vec<usize>, Vec<f32>)> {
+    let (header, data) = split(bytes)?;
+    let header = Header::parse(header)?;
+    if header.is_fortran && header.shape.len() > 1 {
+        return Err(Error::new("the array is stored by columns (fortran_order)")
+            .way_out("save numpy.ascontiguousarray of it"));
+    }
+    let length = header
+        .shape
+        .iter()
+        .try_fold(1, |n: usize, side| n.checked_mul(*side));
+    let values = numbers(&header, data, length)?;
+    Ok((header.shape, values))
+}
+
+/// Reads `length` numbers, `None` for more than there can be.
+fn numbers(header: &Header<'_>, data: &[u8], length: Option<usize>) -> Result<Vec<f32>> {
     let (values, size): (Vec<f32>, usize) = match header.descr {
         "<f4" => (elements(data, f32::from_le_bytes), 4),
         "<f8" => (elements(data, |b| f64::from_le_bytes(b) as f32), 8),
@@ -33,10 +58,12 @@ pub(crate) fn read_vector(bytes: &[u8]) -> Result<Vec<f32>> {
             .way_out("save it as float32"));
         }
     };
-    if length.checked_mul(size) != Some(data.len()) {
+    let stored = length.and_then(|length| length.checked_mul(size));
+    if stored != Some(data.len()) {
         return Err(Error::new(format!(
-            "truncated or damaged: {length} values of {size} bytes are announced, but {} bytes \
+            "truncated or damaged: {} values of {size} bytes are announced, but {} bytes \
              follow the header",
+            length.unwrap_or(usize::MAX),
             data.len()
         )));
     }
@@ -71,19 +98,19 @@ fn malformed(what: &str) -> Error {
 
 struct Header<'a> {
     descr: &'a str,
+    is_fortran: bool,
     shape: Vec<usize>,
 }
 
 impl<'a> Header<'a> {
-    /// Parses a Python dict of `descr`, `fortran_order` and `shape`, in any order. The order of the
-    /// axes means nothing to a vector.
+    /// Parses a Python dict of `descr`, `fortran_order` and `shape`, in any order.
     fn parse(text: &'a str) -> Result<Header<'a>> {
         let mut rest = text
             .strip_prefix('{')
             .and_then(|text| text.strip_suffix('}'))
             .ok_or_else(|| malformed("is not a dict"))?
             .trim();
-        let (mut descr, mut shape) = (None, None);
+        let (mut descr, mut shape, mut is_fortran) = (None, None, false);
         while let Some((key, value)) = rest.strip_prefix('\'').and_then(|r| r.split_once("':")) {
             let value = value.trim_start();
             let end = if value.starts_with('(') { ")" } else { "," };
@@ -92,13 +119,17 @@ impl<'a> Header<'a> {
             match key {
                 "descr" => descr = Some(value.trim().trim_matches('\'')),
                 "shape" => shape = Some(tuple(value)?),
-                "fortran_order" => {}
+                "fortran_order" => is_fortran = value.trim() == "True",
                 _ => return Err(malformed("has unknown keys")),
             }
             rest = tail.trim_start_matches([',', ' ']);
         }
         match (rest.trim(), descr, shape) {
-            ("", Some(descr), Some(shape)) => Ok(Header { descr, shape }),
+            ("", Some(descr), Some(shape)) => Ok(Header {
+                descr,
+                is_fortran,
+                shape,
+            }),
             ("", ..) => Err(malformed("lacks `descr` or `shape`")),
             _ => Err(malformed("is malformed")),
         }

@@ -151,6 +151,11 @@ impl Buffer {
         buffer
     }
 
+    /// Allocates a storage buffer of `bytes` zero bytes, few enough to be bound anywhere.
+    pub(super) fn zeros(gpu: &Gpu, bytes: u64) -> Buffer {
+        Self::create(gpu, "zeros", bytes, wgpu::BufferUsages::STORAGE)
+    }
+
     /// Allocates a buffer of `bytes` bytes that queries resolve into.
     pub(super) fn query_resolve(gpu: &Gpu, bytes: u64) -> Buffer {
         Self::create(gpu, "timestamps", bytes, wgpu::BufferUsages::QUERY_RESOLVE)

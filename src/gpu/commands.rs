@@ -128,6 +128,14 @@ impl<'a> Commands<'a> {
     }
 }
 
+/// Compiles a kernel and dispatches it once, without a wait, over zeros: some drivers make machine code when a kernel first
+/// runs. The kernel may not run long with counts of 0.
+pub fn try_out(gpu: &Gpu, kernel: &Kernel) {
+    let mut commands = Commands::new(gpu);
+    commands.dispatch(kernel, &kernel.bind_zeros(gpu), 1);
+    commands.submit();
+}
+
 /// Returns how many dispatches `commands` begin with.
 fn leading_dispatches(commands: &[Command]) -> usize {
     let is_other = |command: &Command| !matches!(command, Command::Dispatch { .. });

@@ -85,6 +85,8 @@ pub const DILATION: f64 = 0.3;
 pub const ALPHA_MAX: f64 = 0.999;
 /// Largest value of 8 bits, which stands for 1 in images.
 pub const LEVEL_MAX: f64 = 255.0;
+/// Alpha, of 255, of a photograph's pixel that the loss of the far pixels counts.
+pub const FAR_ALPHA: u32 = 254;
 /// Splats fainter than this at a pixel are skipped there (3DGS).
 pub const ALPHA_MIN: f64 = 1.0 / LEVEL_MAX;
 /// A pixel ends before its transmittance falls to this (3DGS).
@@ -114,8 +116,8 @@ pub fn ssim_window() -> [f64; SSIM_WINDOW] {
     window.map(|w| w / sum)
 }
 
-/// Returns the constants as WGSL declarations, with the active SH degree.
-pub fn prelude(sh_degree: u32) -> String {
+/// Returns the constants as WGSL declarations, with the active SH degree, and whether 2^x is the adapter's own.
+pub fn prelude(sh_degree: u32, exp2_of_adapter: bool) -> String {
     let mut out = String::new();
     for (name, value) in [
         ("SH_DEGREE", sh_degree),
@@ -136,6 +138,7 @@ pub fn prelude(sh_degree: u32) -> String {
         ("PAIR_BLOCK", PAIR_BLOCK),
         ("LIST_SLICE", LIST_SLICE),
         ("SSIM_ROWS", SSIM_ROWS),
+        ("FAR_ALPHA", FAR_ALPHA),
         ("TOTAL_PAIRS", TOTAL_PAIRS),
         ("TOTAL_OVERFLOW", TOTAL_OVERFLOW),
         ("TOTAL_MAX", TOTAL_MAX),
@@ -173,6 +176,7 @@ pub fn prelude(sh_degree: u32) -> String {
     ] {
         let _ = writeln!(out, "const {name} = f32({value:e});");
     }
+    let _ = writeln!(out, "const EXP2_OF_ADAPTER = {exp2_of_adapter};");
     let window = ssim_window();
     let _ = writeln!(
         out,

@@ -21,9 +21,18 @@ struct Parts {
 
 struct Layout {
     group: wgpu::BindGroupLayout,
-    /// (name, binding) of every variable that the entry point uses.
-    bindings: Vec<(String, u32)>,
+    /// Every variable that the entry point uses.
+    bindings: Vec<Binding>,
 }
+
+struct Binding {
+    name: String,
+    number: u32,
+    is_uniform: bool,
+}
+
+/// Bytes of a buffer of zeros; no uniform has more.
+const ZERO_BYTES: u64 = 4096;
 
 impl Kernel {
     /// Makes the one kernel of a stage: [`Stage::new`] and [`Stage::kernel`] in a row.
@@ -84,12 +93,12 @@ impl Kernel {
         let Layout { group, bindings } = self.layout(gpu);
         let entries: Vec<wgpu::BindGroupEntry<'_>> = bindings
             .iter()
-            .map(|(name, binding)| {
+            .map(|Binding { name, number, .. }| {
                 let buffer = buffers.iter().find(|(n, _)| n == name);
                 let (_, buffer) =
                     buffer.unwrap_or_else(|| panic!("{}: nothing bound to `{name}`", self.0.name));
                 wgpu::BindGroupEntry {
-                    binding: *binding,
+                    binding: *number,
                     resource: buffer.binding(),
                 }
             })
@@ -99,6 +108,27 @@ impl Kernel {
             layout: group,
             entries: &entries,
         })
+    }
+
+    /// Binds buffers of its own that hold zeros.
+    pub(super) fn bind_zeros(&self, gpu: &Gpu) -> wgpu::BindGroup {
+        let bindings = &self.layout(gpu).bindings;
+        let zeros: Vec<(&str, Buffer)> = bindings
+            .iter()
+            .map(
+                |Binding {
+                     name, is_uniform, ..
+                 }| {
+                    let buffer = match is_uniform {
+                        true => Buffer::uniforms(gpu, ZERO_BYTES),
+                        false => Buffer::zeros(gpu, ZERO_BYTES),
+                    };
+                    (name.as_str(), buffer)
+                },
+            )
+            .collect();
+        let named: Vec<(&str, &Buffer)> = zeros.iter().map(|(name, b)| (*name, b)).collect();
+        self.bind(gpu, &named)
     }
 
     fn layout(&self, gpu: &Gpu) -> &Layout {
@@ -195,7 +225,11 @@ impl Stage {
                 },
                 count: None,
             });
-            bindings.push((variable.name.clone().unwrap_or_default(), binding.binding));
+            bindings.push(Binding {
+                name: variable.name.clone().unwrap_or_default(),
+                number: binding.binding,
+                is_uniform: variable.space == naga::AddressSpace::Uniform,
+            });
         }
         let group = gpu
             .device

@@ -40,6 +40,10 @@ pub struct RasterizerStages {
     pub ssim: &'static str,
     /// Finds the gradients of the pairs.
     pub rasterize_backward: &'static str,
+    /// Blends the depths and normals of each tile.
+    pub rasterize_depth: &'static str,
+    /// Adds the gradients of depths and normals to the pairs'.
+    pub rasterize_depth_backward: &'static str,
 }
 
 /// How a radix sort shares its entries out.
@@ -80,9 +84,10 @@ impl Rasterizer {
     pub const ALL: [Rasterizer; 2] = [Rasterizer::Thread, Rasterizer::Workgroup];
 
     /// Resolves what a config asks for on an adapter. A choice by measurement could be another one in the next
-    /// run, with other bits; so what stands here is a rule, of the adapter's kind alone: GPUs
+    /// run, with other bits; so what stands here is a rule, of the adapter's kind: GPUs
     /// take the workgroup's, whose registers fit them and whose lists have three to five times fewer
-    /// pairs to make, sort and sum. No GPU has been measured; `gspotential doctor` times both.
+    /// pairs to make, sort and sum. No GPU has been measured; `gspotential doctor` times both. `render::rasterizer_for` goes by
+    /// the scene's size as well.
     pub fn of(choice: RasterizerChoice, gpu: &Gpu) -> Rasterizer {
         match (choice, gpu.info.device_type) {
             (RasterizerChoice::Thread, _) => Rasterizer::Thread,
@@ -110,6 +115,8 @@ impl Rasterizer {
                 bin: "bin",
                 rasterize: "rasterize",
                 rasterize_backward: "rasterize_backward",
+                rasterize_depth: "rasterize_depth",
+                rasterize_depth_backward: "rasterize_depth_backward",
             },
             Rasterizer::Workgroup => RasterizerStages {
                 radix: "radix_workgroup",
@@ -118,6 +125,8 @@ impl Rasterizer {
                 bin: "bin_workgroup",
                 rasterize: "rasterize_workgroup",
                 rasterize_backward: "rasterize_backward_workgroup",
+                rasterize_depth: "rasterize_depth_workgroup",
+                rasterize_depth_backward: "rasterize_depth_backward_workgroup",
             },
         }
     }

@@ -17,14 +17,19 @@ const SHARED: &[(&str, &str)] = sources![
     "shared/splat_gradient",
     "shared/entries",
     "shared/pair_gradient",
+    "shared/pair_sums",
     "shared/on_screen",
     "shared/double",
     "shared/gaussian",
+    "shared/normal",
     "shared/dropout",
     "shared/sh",
     "shared/sh_mean",
     "shared/tile",
     "shared/group_tile",
+    "shared/depth",
+    "shared/depth_forward",
+    "shared/depth_backward",
     "shared/bin",
     "shared/loss",
     "shared/ssim",
@@ -44,6 +49,7 @@ pub const STAGES: &[(&str, &str)] = sources![
     "scan",
     "scan_workgroup",
     "tile_ranges",
+    "exp2",
     "rasterize",
     "rasterize_workgroup",
     "ssim",
@@ -54,9 +60,17 @@ pub const STAGES: &[(&str, &str)] = sources![
     "sum_pairs",
     "project_backward",
     "pose_backward",
+    "project_depth",
+    "rasterize_depth",
+    "rasterize_depth_workgroup",
+    "depth_loss",
+    "rasterize_depth_backward",
+    "rasterize_depth_backward_workgroup",
+    "project_depth_backward",
     "adam",
     "rearrange",
     "reset_opacity",
+    "exchange",
 ];
 
 /// A function that gives kernels the complete WGSL of a stage and an SH degree: [`compose`], or
@@ -64,15 +78,27 @@ pub const STAGES: &[(&str, &str)] = sources![
 pub type Sources<'a> = &'a (dyn Fn(&str, u32) -> String + Sync);
 
 /// Returns the complete WGSL of a stage, with `SH_DEGREE` for the active degree: a constant,
-/// because a software driver runs both sides of every branch.
+/// because a software driver runs both sides of every branch. 2^x is the program's polynomial.
 ///
 /// # Panics
 /// On a stage, import or count that does not exist: a fault in this program.
 pub fn compose(stage: &str, sh_degree: u32) -> String {
+    compose_with(stage, sh_degree, false)
+}
+
+/// Does the same as [`compose`] with 2^x as the adapter has it.
+///
+/// # Panics
+/// As [`compose`].
+pub fn compose_with_exp2_of_adapter(stage: &str, sh_degree: u32) -> String {
+    compose_with(stage, sh_degree, true)
+}
+
+fn compose_with(stage: &str, sh_degree: u32, exp2_of_adapter: bool) -> String {
     let mut source = String::new();
     import(lookup(STAGES, stage), &mut Vec::new(), &mut source);
     let lines: Vec<&str> = source.lines().collect();
-    constants::prelude(sh_degree) + &unroll(&lines)
+    constants::prelude(sh_degree, exp2_of_adapter) + &unroll(&lines)
 }
 
 /// Lists every shader that a driver gets: its name, and its complete WGSL. A stage that depends on the active

@@ -5,7 +5,7 @@ use std::time::Instant;
 use super::Prepared;
 use crate::config::Config;
 use crate::error::Result;
-use crate::gpu::{Gpu, Rasterizer};
+use crate::gpu::Gpu;
 use crate::render::Kernels;
 use crate::train::Trainer;
 
@@ -21,7 +21,7 @@ const FEW: u32 = 200;
 /// # Errors
 /// What training refuses.
 pub(super) fn iteration_s(gpu: &Gpu, prepared: &Prepared, config: &Config) -> Result<f64> {
-    let kernels = Kernels::with(Rasterizer::of(config.render.rasterizer, gpu));
+    let kernels = Kernels::of(&config.render, gpu)?;
     let (start, supervision) = (&prepared.start, &prepared.supervision);
     let mut trainer = Trainer::new(gpu, &kernels, start, supervision, config)?;
     let mut run = |from: u32, n: u32| -> Result<f64> {

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use super::calibrate::{iteration_s, within_time};
+use super::start::decided;
 use super::train::fitted;
 use super::{Forecast, Prepared, TrainJob, prepare};
 use crate::cloud::agreement::Agreement;
@@ -53,7 +54,8 @@ pub struct DryRun {
 /// What training refuses.
 pub fn dry_run(job: &TrainJob) -> Result<DryRun> {
     let gpu = &Gpu::open()?;
-    let (scene, config) = (job.load()?, &job.config);
+    let scene = job.load()?;
+    let config = &decided(&job.config, gpu, &scene)?;
     for warning in &scene.warnings {
         log::warn!("{warning}");
     }
@@ -62,7 +64,10 @@ pub fn dry_run(job: &TrainJob) -> Result<DryRun> {
         log::warn!("{warning}");
     }
     let begin = Instant::now();
-    let prepared = prepare(&scene, config, &mut Seconds::default())?;
+    let mut prepared = prepare(&scene, config, &mut Seconds::default())?;
+    if let Some(images) = &job.virtual_images {
+        prepared.take_images(&scene, images)?;
+    }
     for warning in &prepared.warnings {
         log::warn!("{warning}");
     }

@@ -10,7 +10,7 @@ use super::prepare::carved;
 use super::{TrainJob, focus_of};
 use crate::error::{Error, Result};
 use crate::eval::{Alignment, EvalOptions};
-use crate::gpu::{Gpu, Rasterizer};
+use crate::gpu::Gpu;
 use crate::render::{Device, Kernels};
 use crate::report::{SceneRuns, write_comparison, write_run_page};
 use crate::run::{Evaluation, RunDir, SceneRecord};
@@ -99,7 +99,7 @@ pub fn evaluate(run: &RunDir, options: &EvalOptions) -> Result<Evaluation> {
         used: carved.as_ref().map_or(&scene.cloud, |c| &c.cloud),
     };
     let gpu = Gpu::open()?;
-    let kernels = Kernels::with(Rasterizer::of(config.render.rasterizer, &gpu));
+    let kernels = Kernels::of(&config.render, &gpu)?;
     let device = Device {
         gpu: &gpu,
         kernels: &kernels,

@@ -5,8 +5,8 @@ use super::moved::thumbnail;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::live::Live;
-use crate::run::SceneRecord;
-use crate::scene::{CloudSource, LoadOptions, Scene, SceneSource, View};
+use crate::run::{SceneRecord, VirtualImages};
+use crate::scene::{CloudSource, LoadOptions, PriorFiles, Scene, SceneSource, View};
 
 /// A single training view has no pseudo-focus to put virtual views around.
 const MIN_TRAIN_VIEWS: usize = 2;
@@ -24,6 +24,8 @@ pub struct TrainJob {
     pub overlap: bool,
     /// The cloud to take; `None`: the scene's own.
     pub cloud: Option<CloudSource>,
+    /// Images from outside that virtual views show; `None`: none.
+    pub virtual_images: Option<VirtualImages>,
     /// The resolved config.
     pub config: Config,
     /// Iterations between two points of the curve in `metrics.json`; `None`: no curve.
@@ -50,6 +52,7 @@ impl TrainJob {
             test_views: None,
             overlap: false,
             cloud: None,
+            virtual_images: None,
             config,
             eval_every: None,
             checkpoint_every: None,
@@ -68,6 +71,7 @@ impl TrainJob {
             test_views: Some(record.test_views.clone()),
             overlap: record.n_test_trained > 0,
             cloud: cloud_of(record)?,
+            virtual_images: record.virtual_images.clone(),
             ..Self::new(record.source.parse()?, config)?
         })
     }
@@ -75,7 +79,7 @@ impl TrainJob {
     /// Does what [`TrainJob::load`] does for a job that was recorded.
     pub fn load_again(&self) -> Result<Scene> {
         // What is wrong is the scene, not the command.
-        self.load().map_err(|e| {
+        self.load_with(None).map_err(|e| {
             Error::new(format!("the scene is no longer as it was trained on: {e}"))
                 .way_out("restore its files, or train again")
         })
@@ -86,11 +90,16 @@ impl TrainJob {
     /// # Errors
     /// What loading refuses, and a scene with too few training views for the config.
     pub fn load(&self) -> Result<Scene> {
+        self.load_with(PriorFiles::of(&self.config))
+    }
+
+    fn load_with(&self, priors: Option<PriorFiles>) -> Result<Scene> {
         let options = LoadOptions {
             train_views: self.train_views.clone(),
             test_views: self.test_views.clone(),
             overlap: self.overlap,
             cloud: self.cloud.clone(),
+            priors,
             ..LoadOptions::new(&self.config)
         };
         let scene = load_scene(&self.source, &options)?;
@@ -131,6 +140,7 @@ pub(super) fn record(scene: &Scene, job: &TrainJob) -> SceneRecord {
                 .map(thumbnail)
                 .collect(),
         ),
+        virtual_images: job.virtual_images.clone(),
         carved_points: None,
         pose_protocol: scene.pose_protocol,
     }

@@ -1,14 +1,14 @@
 //! This module predicts what a run will need before it trains, by part and as tables.
 
 use super::Prepared;
-use crate::cloud::{splat, visibility};
+use crate::cloud::{splat, visibility, warp};
 use crate::config::Config;
 use crate::files::peak_host_bytes;
 use crate::gaussians::Gaussians;
 use crate::gpu::Gpu;
 use crate::report::{Column, Table};
-use crate::scene::{PointCloud, Scene, View};
-use crate::train::{TrainingBytes, TrainingView};
+use crate::scene::{PointCloud, Prior, Scene, View};
+use crate::train::{DepthTarget, TrainingBytes, TrainingView};
 
 /// Memory of a run, before it trains.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,6 +47,17 @@ impl Forecast {
             ("first Gaussians", gaussian_bytes(start)),
             ("its points, for a while", splatting_bytes(scene, config)),
         ];
+        let depths = supervision.real.iter().filter_map(|v| v.depths.as_ref());
+        let depths: usize = depths.map(DepthTarget::bytes).sum();
+        let priors: usize = scene
+            .train
+            .iter()
+            .filter_map(|v| v.prior.as_ref())
+            .map(Prior::bytes)
+            .sum();
+        if depths + priors > 0 {
+            host.push(("their depths and normals", (depths + priors) as u64));
+        }
         // A file with text or with observations may be larger than all that is made of it.
         let all: u64 = host.iter().map(|(_, bytes)| bytes).sum();
         let loaded = peak_host_bytes().unwrap_or(0);
@@ -98,7 +109,11 @@ fn splatting_bytes(scene: &Scene, config: &Config) -> u64 {
         true => visibility::bytes_a_point(scene.train.len()),
         false => 0,
     };
-    (scene.cloud.len() * (splat::BYTES_A_POINT + visibility)) as u64
+    let warp = match config.views.count {
+        0 => 0,
+        _ => warp::bytes_a_point(config.splat.colors),
+    };
+    (scene.cloud.len() * (splat::BYTES_A_POINT + visibility + warp)) as u64
 }
 
 fn gaussian_bytes(gaussians: &Gaussians) -> u64 {
@@ -130,6 +145,8 @@ fn gpu_memory_table(bytes: &TrainingBytes) -> Table {
         workspace,
         targets,
         poses,
+        partner,
+        depths,
         reading,
         densifying,
     } = *bytes;
@@ -166,7 +183,13 @@ fn gpu_memory_table(bytes: &TrainingBytes) -> Table {
     if poses > 0 {
         row("gradients of poses", &gaussians, poses);
     }
+    if depths > 0 {
+        row("depths, normals and their gradient", "both", depths);
+    }
     row("uniforms", "", workspace.uniforms);
+    if partner > 0 {
+        row("the partner's own of these", &gaussians, partner);
+    }
     if densifying > reading {
         row(
             "densifying: the new set beside the old",

@@ -10,6 +10,7 @@ mod export;
 mod field;
 mod job;
 mod keep;
+mod marks;
 mod measure;
 mod memory;
 mod moved;
@@ -18,8 +19,10 @@ mod outputs;
 mod photographs;
 mod posed;
 mod prepare;
+mod priors;
 mod profile;
 mod render;
+mod returned;
 mod start;
 mod train;
 mod view;
@@ -124,6 +127,7 @@ pub fn load_scene(source: &SceneSource, options: &LoadOptions) -> Result<Scene> 
     match source {
         SceneSource::Folder(folder) => scene::load(folder, options),
         SceneSource::Builtin { width } => scene::load_builtin(*width, options),
+        SceneSource::Object { width } => scene::load_object(*width, options),
     }
 }
 

@@ -8,7 +8,7 @@ use crate::field::Focus;
 use crate::scene::PointCloud;
 
 /// Names of views that an error lists: a line of hundreds helps nobody.
-const MAX_LISTED: usize = 8;
+pub(super) const MAX_LISTED: usize = 8;
 
 /// Returns the cameras of these names, in their order.
 ///

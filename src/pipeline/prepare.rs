@@ -4,13 +4,16 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Clock, cameras, focus_of};
+use super::priors::set_depths;
+use super::{Clock, cameras, focus_of, marks};
 use crate::camera::{Camera, Frame};
 use crate::cloud::agreement::Agreement;
 use crate::cloud::carve::{Carved, carve};
+use crate::cloud::hull::visual_hull;
 use crate::cloud::splat::{SplatImage, fill_holes, splat_where};
 use crate::cloud::visibility::{Visibility, candidate_shares};
-use crate::config::{Config, VisibilityConfig};
+use crate::cloud::warp::Warp;
+use crate::config::{Config, Start, VisibilityConfig};
 use crate::error::Result;
 use crate::field::{Coverage, Field, Focus, Outlook, fibonacci_sphere};
 use crate::gaussians::Gaussians;
@@ -75,23 +78,50 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
         true => 0.0,
         false => config.loss.fill_weight,
     };
+    let warp = match virtual_cameras.is_empty() {
+        true => None,
+        false => Warp::new(
+            cloud,
+            &frame,
+            &scene.train,
+            config,
+            frame.near(config.model.near),
+        )?,
+    };
     let cameras = (&virtual_cameras[..], &train_cameras[..]);
-    let goals = splatted(cloud, &frame, cameras, fill_weight, config)?;
+    let goals = splatted(cloud, &frame, cameras, (fill_weight, warp.as_ref()), config)?;
     seconds.splat = Some(clock.lap());
 
-    let thinned = thin(cloud, n_start(scene, config), config.seed);
+    let hull = match config.model.start {
+        Start::Hull => Some(visual_hull(&scene.train, &frame)?),
+        Start::Cloud => None,
+    };
+    let n_start = match &hull {
+        Some(hull) => config.scene.max_points.unwrap_or(hull.len()),
+        None => n_start(scene, config),
+    };
+    let thinned = thin(hull.as_ref().unwrap_or(cloud), n_start, config.seed);
     let mut start = Gaussians::from_cloud(&thinned, &frame, &config.model)?;
     let shell = Shell::around(&start, &config.shell).filter(|_| !is_cut_out(scene));
     if let Some(shell) = shell {
         start.extend(shell.gaussians(mean_color(&scene.train), config.model.sh_degree));
     }
+    let position_gains = position_gains(&thinned, start.len(), config);
     let outlook = Outlook::of(&train_cameras, &focus);
     let mut warnings: Vec<String> = focus.fallback.into_iter().collect();
     warnings.extend(outlook.warning(&train_cameras));
     warnings.extend(carved.as_ref().and_then(|c| c.warning.clone()));
+    warnings.extend(warp.and_then(|w| w.warning));
     if is_cut_out(scene) && (config.shell.count > 0 || config.loss.fill_weight > 0.0) {
         warnings.push(
             "the subject is cut out by its masks: no far shell and no filled holes".to_owned(),
+        );
+    }
+    if config.optimizer.confidence_gain > 0.0 && thinned.confidence.is_none() {
+        warnings.push(
+            "the cloud has no confidences: all positions learn at the same rate, whatever \
+             optimizer.confidence_gain says"
+                .to_owned(),
         );
     }
     let spread = spread(&train_cameras, &frame);
@@ -111,8 +141,9 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
             config.views.visibility.min_share
         ));
     }
-    let supervision = Supervision {
+    let mut supervision = Supervision {
         shell,
+        position_gains,
         ..supervision(
             scene,
             (&frame, spread),
@@ -122,6 +153,9 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
             config,
         )
     };
+    supervision.real = marks::marked(supervision.real, scene, (cloud, &frame), config)?;
+    warnings.extend(marks::warning(&supervision.real, config));
+    set_depths(&mut supervision.real, scene, cloud, &frame, config)?;
     if config.need.ends && config.need.hold_out > 0 && supervision.held_out.is_empty() {
         warnings.push(format!(
             "no virtual view is held out, so that nothing ends training early: there are {}, and one \
@@ -149,6 +183,20 @@ pub fn n_start(scene: &Scene, config: &Config) -> usize {
     let by_pixels = || ((n_pixels as f64 / config.scene.pixels_a_point) as usize).max(1);
     let wanted = config.scene.max_points.unwrap_or_else(by_pixels);
     wanted.min(scene.cloud.len())
+}
+
+/// Returns what is added to 1 for the factor of each position's learning rate, for the Gaussians of
+/// `cloud` and those beyond, `n` in all; nothing if all have the same.
+fn position_gains(cloud: &PointCloud, n: usize, config: &Config) -> Vec<f32> {
+    let most = config.optimizer.confidence_gain;
+    let Some(confidence) = cloud.confidence.as_ref().filter(|_| most > 0.0) else {
+        return Vec::new();
+    };
+    let gain = |c: &f32| (most / (1.0 + f64::from(*c).exp())) as f32;
+    let mut gains: Vec<f32> = confidence.iter().map(gain).collect();
+    // The far shell's geometry is frozen.
+    gains.resize(n, 0.0);
+    gains
 }
 
 /// Returns whether the subject stands before the background colour: then nothing lies beyond it.
@@ -191,13 +239,13 @@ pub(super) fn choose_views(
 }
 
 /// Splats the cloud into the virtual views as their target images, as far as the training cameras
-/// see it if `config` asks for that. It goes portion by portion to show how far it is, and packs so
+/// see it if `config` asks for that, and has the `warp` paint them. It goes portion by portion to show how far it is, and packs so
 /// that never more than a portion is held as it is.
 fn splatted(
     cloud: &PointCloud,
     frame: &Frame,
     (cameras, train): (&[Camera], &[Camera]),
-    fill_weight: f64,
+    (fill_weight, warp): (f64, Option<&Warp<'_>>),
     config: &Config,
 ) -> Result<Vec<Goal>> {
     let near = frame.near(config.model.near);
@@ -217,7 +265,10 @@ fn splatted(
     let mut progress = Progress::stage("splatting", cameras.len() as u32);
     let mut goals = Vec::with_capacity(cameras.len());
     for part in cameras.chunks(portion) {
-        let splats = splat_where(cloud, frame, (part, train), &config.splat, near, shows)?;
+        let mut splats = splat_where(cloud, frame, (part, train), &config.splat, near, shows)?;
+        if let Some(warp) = warp {
+            warp.paint(part, &mut splats)?;
+        }
         goals.extend(virtual_goals(splats, fill_weight));
         progress.advance(goals.len() as u32);
     }
@@ -234,10 +285,14 @@ fn supervision(
     goals: Vec<Goal>,
     config: &Config,
 ) -> Supervision {
+    let of = match config.loss.random_background {
+        true => TrainingView::before_any_background,
+        false => TrainingView::of,
+    };
     let real = scene
         .train
         .iter()
-        .map(|view| TrainingView::of(frame.camera_to_canonical(&view.camera), view));
+        .map(|view| of(frame.camera_to_canonical(&view.camera), view));
     let virtual_views = virtual_views.iter().zip(goals).map(|(view, goal)| {
         TrainingView::packed(frame.camera_to_canonical(&view.camera), goal, view.alpha)
     });
@@ -250,6 +305,7 @@ fn supervision(
         held_out,
         coverage,
         shell: None,
+        position_gains: Vec::new(),
     }
 }
 

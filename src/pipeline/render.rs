@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use super::depth::depth;
 use super::orbit::orbit;
 use super::posed::{around, frame_of_cameras, named};
+use super::returned::VIEWS;
 use super::{CameraSource, ImageFiles, RenderFormat, RenderJob, RenderTarget, ViewSelection};
 use super::{cameras, focus_of, load_scene};
-use crate::camera::json::read_cameras;
+use crate::camera::json::{read_cameras, write_views};
 use crate::camera::{Camera, Frame, path};
 use crate::config::{Config, PRESETS};
 use crate::error::{Error, Result};
@@ -39,7 +40,11 @@ pub fn render(job: &RenderJob) -> Result<usize> {
             stored.gaussians.len()
         );
     }
-    let (mut cameras, frame) = choose(job, &config)?;
+    let Chosen {
+        mut cameras,
+        frame,
+        photographs,
+    } = choose(job, &config)?;
     if cameras.is_empty() {
         return Err(Error::new("no camera to render from")
             .way_out("name others with --views, or a scene that has test views"));
@@ -93,6 +98,9 @@ pub fn render(job: &RenderJob) -> Result<usize> {
                 }
                 _ => (0..cameras.len()).try_for_each(|i| write(i).map(|_| ()))?,
             }
+            let views: Vec<(&str, &Camera)> =
+                names.iter().map(String::as_str).zip(&cameras).collect();
+            write_views(&files.folder.join(VIEWS), &views, &photographs)?;
         }
     }
     shots.progress.finish();
@@ -164,13 +172,23 @@ fn beside(png: &Path, ending: &str) -> PathBuf {
     png.with_file_name(name)
 }
 
-/// Chooses the cameras to render from, and the frame that sets the near plane.
-fn choose(job: &RenderJob, config: &Config) -> Result<(Vec<Camera>, Frame)> {
+/// The cameras to render from.
+struct Chosen {
+    cameras: Vec<Camera>,
+    /// It sets the near plane.
+    frame: Frame,
+    /// The training cameras, where they are known.
+    photographs: Vec<Camera>,
+}
+
+/// Chooses the cameras to render from.
+fn choose(job: &RenderJob, config: &Config) -> Result<Chosen> {
     match &job.cameras {
         CameraSource::Scene(source) => {
             let scene = load_scene(source, &LoadOptions::new(config))?;
             let (focus, frame) = focus_of(&scene)?;
             let train = cameras(&scene.train);
+            let photographs = train.clone();
             let chosen = match &job.views {
                 None if job.path.is_some() => train,
                 Some(ViewSelection::Train) => train,
@@ -185,14 +203,20 @@ fn choose(job: &RenderJob, config: &Config) -> Result<(Vec<Camera>, Frame)> {
                     named(names, &[train, cameras(&scene.test)].concat())?
                 }
             };
-            Ok((chosen, frame))
+            Ok(Chosen {
+                cameras: chosen,
+                frame,
+                photographs,
+            })
         }
         CameraSource::File(path) => {
             let all = read_cameras(path)?;
             let record = record_beside(path);
-            let frame = record
+            let train = record
                 .as_ref()
-                .and_then(|record| frame_of_cameras(&named(&record.train_views, &all).ok()?));
+                .map(|record| named(&record.train_views, &all));
+            let photographs = train.and_then(Result::ok).unwrap_or_default();
+            let frame = frame_of_cameras(&photographs);
             let frame = frame.unwrap_or_else(|| around(&all));
             let is_virtual = |camera: &&Camera| camera.name.starts_with("virtual_");
             let chosen = match (&job.views, &record) {
@@ -217,7 +241,11 @@ fn choose(job: &RenderJob, config: &Config) -> Result<(Vec<Camera>, Frame)> {
                     .way_out("name views, or give the scene with --scene"));
                 }
             };
-            Ok((chosen, frame))
+            Ok(Chosen {
+                cameras: chosen,
+                frame,
+                photographs,
+            })
         }
     }
 }

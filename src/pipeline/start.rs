@@ -6,10 +6,12 @@ use std::sync::Arc;
 use super::job::TrainJob;
 use super::train::{SoFar, train};
 use crate::cloud::agreement::Agreement;
+use crate::config::Config;
 use crate::error::Result;
 use crate::eval::EvalOptions;
-use crate::gpu::{Gpu, Rasterizer};
+use crate::gpu::{Exp2, Gpu};
 use crate::live::Live;
+use crate::render::rasterizer_for;
 use crate::run::{Evaluation, RunDir, Stop};
 use crate::scene::{Scene, SceneSource, View};
 
@@ -35,9 +37,10 @@ impl TrainJob {
         so_far.seconds.load = Some(so_far.clock.lap());
         options.check(&scene.test)?;
         // What the rule gives this adapter is the run's from here on.
-        let mut job = self.clone();
-        let rasterizer = Rasterizer::of(job.config.render.rasterizer, &gpu);
-        job.config.render.rasterizer = rasterizer.choice();
+        let job = TrainJob {
+            config: decided(&self.config, &gpu, &scene)?,
+            ..self.clone()
+        };
         let run = RunDir::create(out, &job.config, overwrite)?;
         let stop = Stop::on_signals()?;
         let evaluation = train(&gpu, &scene, &job, so_far, options, &run, &stop)?;
@@ -97,6 +100,21 @@ pub struct Resumed {
     pub run: RunDir,
     /// Errors at the test views; `None` if the run was finished already.
     pub evaluation: Option<Evaluation>,
+}
+
+/// Returns the config with what it leaves to the adapter and the scene decided.
+///
+/// # Errors
+/// A GPU fault.
+pub(super) fn decided(config: &Config, gpu: &Gpu, scene: &Scene) -> Result<Config> {
+    let mut config = config.clone();
+    let pixels = |view: &View| view.image.width as usize * view.image.height as usize;
+    let most = scene.train.iter().map(pixels).max().unwrap_or(0);
+    let render = &mut config.render;
+    let rasterizer = rasterizer_for(render.rasterizer, gpu, scene.cloud.len(), most);
+    render.rasterizer = rasterizer.choice();
+    render.exp2 = Exp2::of(render.exp2, gpu)?.choice();
+    Ok(config)
 }
 
 fn open_gpu() -> Result<Gpu> {

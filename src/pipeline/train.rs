@@ -1,6 +1,7 @@
 //! This module trains a scene: the stages run in a row, timed, into a run directory.
 
 use std::path::Path;
+use std::thread;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
@@ -20,7 +21,7 @@ use crate::config::Config;
 use crate::error::{Error, ErrorKind, Result};
 use crate::eval::EvalOptions;
 use crate::gaussians::ply::write_ply;
-use crate::gpu::{Gpu, Rasterizer};
+use crate::gpu::Gpu;
 use crate::live::{self, Phase};
 use crate::render::{Device, Kernels, Renderer, most_gaussians};
 use crate::report::write_run_page;
@@ -68,7 +69,14 @@ pub fn train(
         checkpoint_every: job.checkpoint_every,
     })?;
     let mut files_s = clock.lap();
-    let prepared = prepare(scene, &job.config, &mut seconds)?;
+    let kernels = Kernels::of(&job.config.render, gpu)?;
+    let mut prepared = thread::scope(|scope| {
+        scope.spawn(|| kernels.prepare(gpu));
+        prepare(scene, &job.config, &mut seconds)
+    })?;
+    if let Some(images) = &job.virtual_images {
+        prepared.take_images(scene, images)?;
+    }
     clock.lap();
     let config = fitted(&job.config, gpu, prepared.start.len())?;
     let given = job.config.need.iteration_s;
@@ -146,11 +154,13 @@ pub fn train(
     }
     files_s += clock.lap();
     seconds.files = Some(files_s);
-    match task.attempt(gpu, &mut clock, seconds) {
+    match task.attempt(gpu, &kernels, &mut clock, seconds) {
         Err(e) if e.kind() == ErrorKind::DeviceLost => {
             log::warn!("{e}; trying once more");
             clock.lap();
-            task.attempt(&Gpu::open()?, &mut clock, seconds)
+            let gpu = &Gpu::open()?;
+            let kernels = Kernels::of(&job.config.render, gpu)?;
+            task.attempt(gpu, &kernels, &mut clock, seconds)
         }
         outcome => outcome,
     }
@@ -178,7 +188,13 @@ impl Task<'_> {
     }
 
     /// Trains, evaluates and writes the results; `seconds` are those of the stages before.
-    fn attempt(&self, gpu: &Gpu, clock: &mut Clock, mut seconds: Seconds) -> Result<Evaluation> {
+    fn attempt(
+        &self,
+        gpu: &Gpu,
+        kernels: &Kernels,
+        clock: &mut Clock,
+        mut seconds: Seconds,
+    ) -> Result<Evaluation> {
         let Task {
             scene,
             job,
@@ -186,8 +202,7 @@ impl Task<'_> {
             run,
             ..
         } = self;
-        let kernels = Kernels::with(Rasterizer::of(self.config.render.rasterizer, gpu));
-        let (trained, log, step) = self.train(gpu, &kernels, clock, &mut seconds)?;
+        let (trained, log, step) = self.train(gpu, kernels, clock, &mut seconds)?;
         let Trained {
             gaussians,
             cameras,
@@ -223,10 +238,7 @@ impl Task<'_> {
         let refined_poses = self.write_refined(&cameras)?;
         seconds.write = Some(clock.lap());
         let (config, frame) = (&job.config, &prepared.frame);
-        let device = Device {
-            gpu,
-            kernels: &kernels,
-        };
+        let device = Device { gpu, kernels };
         let subject = Subject {
             run,
             config,

@@ -280,15 +280,23 @@ impl Places {
     }
 }
 
-/// Returns the number of counts of the larger radix sort.
+/// Returns the number of counts of the larger radix sort, with the sums of each digit's where they are scanned
+/// digit by digit.
 fn n_digits(capacity: &Capacity) -> usize {
     let most = capacity.stride.max(capacity.pairs);
-    capacity.rasterizer.radix().counts(most)
+    let radix = capacity.rasterizer.radix();
+    match capacity.rasterizer {
+        Rasterizer::Thread => radix.counts(most),
+        Rasterizer::Workgroup => radix.counts(most) + radix.digits() as usize,
+    }
 }
 
 /// Returns the number of blocks of the largest scan.
 fn n_scan_blocks(capacity: &Capacity) -> usize {
-    let most = capacity.stride.max(n_digits(capacity));
+    let most = match capacity.rasterizer {
+        Rasterizer::Thread => capacity.stride.max(n_digits(capacity)),
+        Rasterizer::Workgroup => capacity.stride,
+    };
     most.div_ceil((SCAN_CHUNK * WORKGROUP) as usize)
 }
 

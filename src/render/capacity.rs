@@ -1,6 +1,7 @@
 //! The room that a workspace has, and the sizes that no workspace may be asked for.
 
 use super::uniforms::ViewUniform;
+use crate::config::RasterizerChoice;
 use crate::error::{Error, Result};
 use crate::gpu::constants::{LIST_SLICE, LOOP_TURNS, MOST_TILE_ROWS, PAIR_BLOCK};
 use crate::gpu::{Gpu, Rasterizer};
@@ -18,6 +19,26 @@ pub fn first_pairs(gpu: &Gpu, n_gaussians: usize) -> usize {
 /// `vec4f`.
 pub fn most_pairs(gpu: &Gpu) -> usize {
     (gpu.max_binding() / 16) as usize
+}
+
+/// Returns the (tile, Gaussian) pairs that a view of `pixels` pixels of `n` Gaussians may be expected to have with tiles of
+/// a thread: 1.9 times `n + 4 sqrt(n pixels) + 2 pixels`. The sum is what Gaussians have that fill the image, larger where they are
+/// fewer, and meets the counts of `benches/growth` within a quarter, from 10,000 to 2,000,000 Gaussians and from 200 to 1600
+/// pixels; scenes have had up to 2.3 times as many.
+fn expected_pairs(n: usize, pixels: usize) -> f64 {
+    let (n, pixels) = (n as f64, pixels as f64);
+    1.9 * (n + 4.0 * (n * pixels).sqrt() + 2.0 * pixels)
+}
+
+/// Resolves which rasterizer a config asks for, where it is known how many Gaussians the largest view shows, and on how many pixels:
+/// as [`Rasterizer::of`], but that a driver that runs on a CPU takes the workgroup's as well where it could not bind the pairs of
+/// the thread's small tiles.
+pub fn rasterizer_for(choice: RasterizerChoice, gpu: &Gpu, n: usize, pixels: usize) -> Rasterizer {
+    let fits = expected_pairs(n, pixels) <= most_pairs(gpu) as f64;
+    match Rasterizer::of(choice, gpu) {
+        Rasterizer::Thread if choice == RasterizerChoice::Auto && !fits => Rasterizer::Workgroup,
+        own => own,
+    }
 }
 
 /// The room of a workspace, in numbers of what it holds.

@@ -1,11 +1,14 @@
 //! The kernels of a view and their bind groups.
 
+use rayon::prelude::*;
+
 use super::model::Model;
 use super::workspace::Workspace;
-use crate::config::RasterizerChoice;
+use crate::config::{RasterizerChoice, RenderConfig};
+use crate::error::Result;
 use crate::gpu::constants::{SCAN_CHUNK, SCAN_FEW, WORKGROUP};
 use crate::gpu::shader::{self, Sources};
-use crate::gpu::{Buffer, Gpu, Kernel, Rasterizer, Stage, by_degree};
+use crate::gpu::{Buffer, Exp2, Gpu, Kernel, Rasterizer, Stage, by_degree, try_out};
 
 /// An adapter and the kernels that were made for it.
 #[derive(Clone, Copy)]
@@ -23,6 +26,8 @@ pub struct Kernels {
     /// By active SH degree.
     pub(super) project: [Kernel; 4],
     pub(super) radix_count: Kernel,
+    /// Scans counts digit by digit; none where they are scanned as other counts are.
+    pub(super) radix_scan: Option<Kernel>,
     pub(super) radix_move: Kernel,
     pub(super) bin: Kernel,
     pub(super) scan_reduce: Kernel,
@@ -38,8 +43,7 @@ pub struct Kernels {
     pub(super) loss_total: Kernel,
     /// Whole lists, and slices of them.
     pub(super) rasterize_backward: [Kernel; 2],
-    /// Pairs, then blocks of them.
-    pub(super) sum_pairs: [Kernel; 2],
+    pub(super) sum_pairs: Kernel,
     pub(super) sum_gaussians: Kernel,
     pub(super) project_backward: [Kernel; 4],
 }
@@ -50,9 +54,47 @@ impl Kernels {
         Self::with(Rasterizer::of(RasterizerChoice::Auto, gpu))
     }
 
-    /// Takes the program's own shaders, with this rasterizer.
+    /// Takes the program's own shaders, with this rasterizer and the program's 2^x.
     pub fn with(rasterizer: Rasterizer) -> Kernels {
         Self::from_sources(rasterizer, &shader::compose)
+    }
+
+    /// Takes what a config asks for on an adapter.
+    ///
+    /// # Errors
+    /// A GPU fault while the adapter's 2^x is checked.
+    pub fn of(config: &RenderConfig, gpu: &Gpu) -> Result<Kernels> {
+        let rasterizer = Rasterizer::of(config.rasterizer, gpu);
+        let exp2 = Exp2::of(config.exp2, gpu)?;
+        Ok(Self::from_sources(rasterizer, exp2.sources()))
+    }
+
+    /// Compiles the kernels that every training's first step runs, and has the driver make their machine code: beside work on
+    /// the CPU, this costs no time of its own. Others depend on the numbers of Gaussians and pairs.
+    pub fn prepare(&self, gpu: &Gpu) {
+        self.of_first_step()
+            .par_iter()
+            .for_each(|kernel| try_out(gpu, kernel));
+    }
+
+    /// Returns the kernels that [`Kernels::prepare`] compiles.
+    pub fn of_first_step(&self) -> Vec<&Kernel> {
+        let mut kernels = vec![
+            &self.rasterize_backward[0],
+            &self.rasterize[0],
+            &self.project[0],
+            &self.project_backward[0],
+            &self.radix_count,
+            &self.radix_move,
+            &self.bin,
+            &self.find_tile_ranges,
+            &self.order_tiles,
+            &self.sum_pairs,
+            &self.sum_gaussians,
+        ];
+        kernels.extend(&self.radix_scan);
+        kernels.extend(&self.ssim);
+        kernels
     }
 
     /// Takes other sources than the program's.
@@ -79,6 +121,10 @@ impl Kernels {
             rasterizer,
             project: by_degree("project"),
             radix_count: radix.kernel("radix_count"),
+            radix_scan: match rasterizer {
+                Rasterizer::Thread => None,
+                Rasterizer::Workgroup => Some(radix.kernel("radix_scan")),
+            },
             radix_move: radix.kernel("radix_move"),
             bin: stage(stages.bin, 0).kernel("bin"),
             scan_reduce: scan.kernel("scan_reduce"),
@@ -95,7 +141,7 @@ impl Kernels {
             loss_total: loss.kernel("loss_total"),
             rasterize_backward: ["rasterize_backward", "rasterize_backward_slice"]
                 .map(|entry| raster_backward.kernel(entry)),
-            sum_pairs: ["sum_pairs", "sum_pair_blocks"].map(|entry| sum_pairs.kernel(entry)),
+            sum_pairs: sum_pairs.kernel("sum_pairs"),
             sum_gaussians: sum_pairs.kernel("sum_gaussians"),
             project_backward: by_degree("project_backward"),
         }
@@ -124,8 +170,16 @@ pub(super) struct Groups {
 
 pub(super) struct RadixGroups {
     pub(super) count: wgpu::BindGroup,
-    pub(super) scan: ScanGroups,
+    pub(super) scan: DigitScan,
     pub(super) shift: wgpu::BindGroup,
+}
+
+/// Bind groups of the scan of a radix sort's counts.
+pub(super) enum DigitScan {
+    /// As one list.
+    Counts(ScanGroups),
+    /// Digit by digit, with the kernel that does so.
+    Digits(Kernel, wgpu::BindGroup),
 }
 
 /// Bind groups of a scan, by the way that its most counts take.
@@ -140,7 +194,7 @@ pub(super) struct BackwardGroups {
     pub(super) ssim: Vec<wgpu::BindGroup>,
     pub(super) loss_sum: [wgpu::BindGroup; 2],
     pub(super) rasterize: RasterGroups,
-    pub(super) sum_pairs: [wgpu::BindGroup; 2],
+    pub(super) sum_pairs: wgpu::BindGroup,
     pub(super) sum_gaussians: wgpu::BindGroup,
     pub(super) project: Vec<wgpu::BindGroup>,
 }
@@ -149,6 +203,23 @@ pub(super) struct BackwardGroups {
 pub(super) enum RasterGroups {
     Whole(wgpu::BindGroup),
     Slices(Vec<wgpu::BindGroup>),
+}
+
+impl RasterGroups {
+    /// Binds the kernels of whole lists and of slices to buffers of these names and the slices of `space`.
+    pub(super) fn of(
+        gpu: &Gpu,
+        [whole, slice]: &[Kernel; 2],
+        space: &Workspace,
+        names: &[(&'static str, &Buffer)],
+    ) -> RasterGroups {
+        let slices = space.all("slice");
+        if slices.is_empty() {
+            return RasterGroups::Whole(whole.bind(gpu, names));
+        }
+        let bind = |at| slice.bind(gpu, &[&[("slice", at)], names].concat());
+        RasterGroups::Slices(slices.iter().map(bind).collect())
+    }
 }
 
 impl Bound {
@@ -188,26 +259,19 @@ impl Groups {
                     ("entries_out", entries[1 - i % 2]),
                 ];
                 let n_digits = kernels.rasterizer.radix().counts(most);
+                let counts = space.buffer("digit_counts");
                 RadixGroups {
                     count: with(&from_to, &kernels.radix_count),
-                    scan: scan(uniform, space.buffer("digit_counts"), n_digits),
+                    scan: match &kernels.radix_scan {
+                        Some(kernel) => DigitScan::Digits(kernel.clone(), with(&from_to, kernel)),
+                        None => DigitScan::Counts(scan(uniform, counts, n_digits)),
+                    },
                     shift: with(&from_to, &kernels.radix_move),
                 }
             };
             passes.iter().enumerate().map(pass).collect()
         };
-        let raster = |[whole, slice]: &[Kernel; 2]| {
-            let slices = space.all("slice");
-            if slices.is_empty() {
-                return RasterGroups::Whole(with(&[], whole));
-            }
-            RasterGroups::Slices(
-                slices
-                    .iter()
-                    .map(|at| with(&[("slice", at)], slice))
-                    .collect(),
-            )
-        };
+        let raster = |kernels: &[Kernel; 2]| RasterGroups::of(gpu, kernels, space, &names);
         let by_degree = |kernels: &[Kernel; 4]| {
             let used = &kernels[..=model.sh_degree as usize];
             used.iter().map(|k| with(&[], k)).collect()
@@ -242,7 +306,7 @@ impl Groups {
                 ssim: kernels.ssim.iter().map(|k| with(&[], k)).collect(),
                 loss_sum: [&kernels.loss_blocks, &kernels.loss_total].map(|k| with(&[], k)),
                 rasterize: raster(&kernels.rasterize_backward),
-                sum_pairs: kernels.sum_pairs.each_ref().map(|k| with(&[], k)),
+                sum_pairs: with(&[], &kernels.sum_pairs),
                 sum_gaussians: with(&[], &kernels.sum_gaussians),
                 project: by_degree(&kernels.project_backward),
             }),

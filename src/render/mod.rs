@@ -3,7 +3,8 @@
 //! One view runs project, sort by depth, bin (count), prefix sum, bin (emit), sort by tile, tile
 //! ranges and order, rasterize; backward it runs `rasterize_backward`, `sum_pairs` and
 //! `project_backward`, and `pose_backward` too if its camera moves. Each is the WGSL stage of that
-//! name. The gradient path holds no atomic float and every sum has a fixed order, so equal inputs
+//! name. Depths and normals are a second pass over the same lists, where a loss asks for them
+//! ([`DepthPass`]). The gradient path holds no atomic float and every sum has a fixed order, so equal inputs
 //! give equal bits.
 //!
 //! `buffers` describes every buffer once; a [`Workspace`] allocates them, and [`WorkspaceBytes`]
@@ -11,6 +12,8 @@
 
 mod buffers;
 mod capacity;
+mod depth;
+mod depth_stages;
 mod kernels;
 mod median;
 mod model;
@@ -23,7 +26,10 @@ mod uniforms;
 mod workspace;
 
 pub use buffers::WorkspaceBytes;
-pub use capacity::{Capacity, first_pairs, most_pairs};
+pub use capacity::{Capacity, first_pairs, most_pairs, rasterizer_for};
+pub use depth::{
+    DepthKernels, DepthLossKind, DepthLossUniform, DepthPass, DepthPlane, DepthSize, MOST_PATCH,
+};
 pub use kernels::{Bound, Device, Kernels};
 pub use median::NO_MEDIAN;
 pub use model::{BLOCK_PLANES, Model, block_bytes, model_bytes, most_gaussians, n_blocks};

@@ -1,7 +1,7 @@
 //! The dispatches of one view: forward, loss, backward.
 
 use super::buffers::{LAST_BLENDED, n_depth_passes, n_partials};
-use super::kernels::{Bound, Groups, Kernels, RadixGroups, RasterGroups, ScanGroups};
+use super::kernels::{Bound, DigitScan, Groups, Kernels, RadixGroups, RasterGroups, ScanGroups};
 use super::model::Model;
 use super::pose::{PoseGradient, PoseKernels};
 use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
@@ -25,7 +25,7 @@ pub struct Pass<'a> {
     /// The view's number among those of its step.
     pub slot: usize,
     /// The view's uniform, with counts and slot set by [`Pass::new`].
-    view: ViewUniform,
+    pub(super) view: ViewUniform,
     sh_degree: usize,
 }
 
@@ -144,9 +144,8 @@ impl<'a> Pass<'a> {
         self.sort(commands, &self.groups().pair_passes, self.room());
     }
 
-    /// Fills `tile_ranges` and `tile_splats`.
+    /// Fills `tile_ranges` of the tiles that have pairs, and `tile_splats`.
     pub fn find_tile_ranges(&self, commands: &mut Commands<'_>) {
-        commands.clear(self.workspace.buffer("tile_ranges"));
         let (kernel, group) = (
             &self.kernels.find_tile_ranges,
             &self.groups().find_tile_ranges,
@@ -155,7 +154,7 @@ impl<'a> Pass<'a> {
         commands.dispatch(kernel, group, threads);
     }
 
-    /// Fills `tile_order`; a list too long for the slices there are is an overflow.
+    /// Fills `tile_order`, and `tile_ranges` of the tiles without pairs; a list too long for the slices there are is an overflow.
     pub fn order_tiles(&self, commands: &mut Commands<'_>) {
         let (kernel, group) = (&self.kernels.order_tiles, &self.groups().order_tiles);
         let n_slots = self.kernels.rasterizer.n_slots(self.view.size);
@@ -179,12 +178,12 @@ impl<'a> Pass<'a> {
     }
 
     /// Returns the number of Gaussians.
-    fn n(&self) -> u64 {
+    pub(super) fn n(&self) -> u64 {
         u64::from(self.view.n_gaussians)
     }
 
     /// Returns the number of pairs that there is room for.
-    fn room(&self) -> u64 {
+    pub(super) fn room(&self) -> u64 {
         self.workspace.capacity.pairs as u64
     }
 
@@ -194,7 +193,15 @@ impl<'a> Pass<'a> {
         let threads = radix.chunks(n as usize) as u64 * u64::from(radix.threads);
         for groups in passes {
             commands.dispatch(&self.kernels.radix_count, &groups.count, threads);
-            self.scan(commands, &groups.scan, radix.counts(n as usize) as u64);
+            match &groups.scan {
+                DigitScan::Counts(groups) => {
+                    self.scan(commands, groups, radix.counts(n as usize) as u64);
+                }
+                DigitScan::Digits(kernel, group) => {
+                    let threads = u64::from(radix.digits() * WORKGROUP);
+                    commands.dispatch(kernel, group, threads);
+                }
+            }
             commands.dispatch(&self.kernels.radix_move, &groups.shift, threads);
         }
     }
@@ -214,7 +221,13 @@ impl<'a> Pass<'a> {
     /// Compares the buffer `rendered` with the target image of the slot: writes its mean L1 and
     /// SSIM to `losses`, and the gradient of the image loss to `d_rendered`. Nothing is recorded
     /// with a workspace that does not train.
-    pub fn loss(&self, commands: &mut Commands<'_>, mut loss: LossUniform) {
+    pub fn loss(&self, commands: &mut Commands<'_>, loss: LossUniform) {
+        self.loss_gradient(commands, loss);
+        self.sum_losses(commands);
+    }
+
+    /// Does the same but for the means, of which the parts are left in `partials`.
+    pub fn loss_gradient(&self, commands: &mut Commands<'_>, mut loss: LossUniform) {
         let Some(groups) = &self.groups().backward else {
             return;
         };
@@ -227,6 +240,15 @@ impl<'a> Pass<'a> {
         for ((kernel, group), threads) in kernels.ssim.iter().zip(&groups.ssim).zip(threads) {
             commands.dispatch(kernel, group, threads);
         }
+    }
+
+    /// Writes the means that [`Pass::loss_gradient`] has left parts of to `losses`.
+    pub fn sum_losses(&self, commands: &mut Commands<'_>) {
+        let Some(groups) = &self.groups().backward else {
+            return;
+        };
+        let kernels = self.kernels;
+        let (_, n_partials) = self.loss_threads();
         let threads = (n_partials as u64).div_ceil(u64::from(SCAN_CHUNK));
         commands.dispatch(&kernels.loss_blocks, &groups.loss_sum[0], threads);
         commands.dispatch(&kernels.loss_total, &groups.loss_sum[1], 1);
@@ -279,11 +301,8 @@ impl<'a> Pass<'a> {
         let Some(groups) = &self.groups().backward else {
             return;
         };
-        let mut n = self.room();
-        for (kernel, group) in self.kernels.sum_pairs.iter().zip(&groups.sum_pairs) {
-            n /= u64::from(PAIR_BLOCK);
-            commands.dispatch(kernel, group, n);
-        }
+        let n = self.room() / u64::from(PAIR_BLOCK);
+        commands.dispatch(&self.kernels.sum_pairs, &groups.sum_pairs, n);
         let (kernel, group) = (&self.kernels.sum_gaussians, &groups.sum_gaussians);
         commands.dispatch(kernel, group, self.n());
     }

@@ -5,10 +5,10 @@
 use super::capacity::{Capacity, most_pairs};
 use super::workspace::Workspace;
 use crate::error::{Error, Result};
-use crate::gpu::Gpu;
 use crate::gpu::constants::{
     LIST_SLICE, N_TOTALS, TOTAL_LONGEST, TOTAL_MAX, TOTAL_OVERFLOW, TOTAL_PAIRS,
 };
+use crate::gpu::{Gpu, Rasterizer};
 
 /// Counts that the GPU keeps.
 #[derive(Clone, Copy, Debug)]
@@ -23,6 +23,8 @@ pub struct Totals {
     pub overflow_step: u32,
     /// Room that the workspace had.
     capacity: Capacity,
+    /// Whether it has room for the pairs' gradients.
+    trains: bool,
 }
 
 /// Waits for the GPU and reads its counts.
@@ -38,6 +40,7 @@ pub fn read_totals(gpu: &Gpu, workspace: &Workspace) -> Result<Totals> {
         longest: total(TOTAL_LONGEST),
         overflow_step: totals[TOTAL_OVERFLOW as usize],
         capacity: workspace.capacity,
+        trains: workspace.trains,
     })
 }
 
@@ -46,18 +49,58 @@ impl Totals {
     /// ones fit, too; `None` if it had room.
     ///
     /// # Errors
-    /// There are more pairs than can be counted, or the driver reports an overflow of what fits.
+    /// There are more pairs than can be counted or bound, or the driver reports an overflow of what fits.
     pub fn room(&self, gpu: &Gpu) -> Result<Option<Capacity>> {
-        let capacity = self.capacity;
         if self.overflow_step == 0 {
             return Ok(None);
         }
+        match self.wanted(gpu)? {
+            room if room == self.capacity => Err(unexplained(gpu)),
+            room => Ok(Some(room)),
+        }
+    }
+
+    /// Returns the room that each of two workspaces needs whose steps go together, at least one of them more than it
+    /// has; `None` if both had room.
+    ///
+    /// # Errors
+    /// As [`Totals::room`].
+    pub fn rooms(both: [&Totals; 2], gpu: &Gpu) -> Result<Option<[Capacity; 2]>> {
+        if both.iter().all(|totals| totals.overflow_step == 0) {
+            return Ok(None);
+        }
+        let rooms = [both[0].wanted(gpu)?, both[1].wanted(gpu)?];
+        match rooms == both.map(|totals| totals.capacity) {
+            true => Err(unexplained(gpu)),
+            false => Ok(Some(rooms)),
+        }
+    }
+
+    /// Returns the room that the views asked for, where that is more than there is.
+    fn wanted(&self, gpu: &Gpu) -> Result<Capacity> {
+        let capacity = self.capacity;
         if self.max == u32::MAX as usize {
             return Err(
                 Error::new("a view has more than 2^32 (tile, Gaussian) pairs").way_out(
                     "use fewer or smaller Gaussians (`--max-points`) or smaller images (`--max-size`)",
                 ),
             );
+        }
+        // Without gradients, a pair's largest entry is one of the sort.
+        let most = most_pairs(gpu) * if self.trains { 1 } else { 2 };
+        if self.max > most {
+            let larger = match capacity.rasterizer {
+                Rasterizer::Thread => "larger tiles (`--set render.rasterizer=workgroup`), ",
+                Rasterizer::Workgroup => "",
+            };
+            let what = format!(
+                "a view has {} (tile, Gaussian) pairs, and the adapter binds {most} at once",
+                self.max
+            );
+            return Err(Error::new(what).at(&gpu.info.name).way_out(format!(
+                "use {larger}fewer or smaller Gaussians (`--max-points`, `--set densify.max_gaussians=N`) or smaller \
+                 images (`--max-size`)"
+            )));
         }
         let mut room = capacity;
         if self.max > capacity.pairs {
@@ -67,14 +110,15 @@ impl Totals {
             let slices = (self.longest + self.longest / 2).div_ceil(LIST_SLICE as usize);
             room.slices = room.slices.max(slices);
         }
-        if room == capacity {
-            let what = "the GPU reports that a step did not fit, and counts that cannot be";
-            return Err(Error::new(what)
-                .at(&gpu.info.name)
-                .way_out("run `gspotential doctor`"));
-        }
-        Ok(Some(room))
+        Ok(room)
     }
+}
+
+fn unexplained(gpu: &Gpu) -> Error {
+    let what = "the GPU reports that a step did not fit, and counts that cannot be";
+    Error::new(what)
+        .at(&gpu.info.name)
+        .way_out("run `gspotential doctor`")
 }
 
 /// Attempts at most. A view that fits at all has been given the room that it needs by then: the

@@ -162,6 +162,14 @@ impl ViewUniform {
         self
     }
 
+    /// Returns the same view before another background colour, RGB, where there is one.
+    pub fn before(mut self, background: Option<[f64; 3]>) -> ViewUniform {
+        if let Some(background) = background {
+            self.background = background.map(|c| c as f32);
+        }
+        self
+    }
+
     /// Returns the same view with every Gaussian's probability multiplied by its own share; the
     /// others keep their opacity (D2GS, Song et al. 2026).
     pub fn with_guided_dropout(mut self, share: DropShare) -> ViewUniform {
@@ -250,10 +258,10 @@ pub struct LossUniform {
     pub slot: u32,
     /// Partial sums to add up; `Pass::loss` sets it.
     pub n_partials: u32,
-    /// Padding to a whole number of vectors.
-    pub pad_0: u32,
-    /// Padding to a whole number of vectors.
-    pub pad_1: u32,
+    /// `weight / (3 n)`, the factor of the sum of `|x_p - y_p|` over the `n` far pixels; 0: none are.
+    pub far_scale: f32,
+    /// `weight / n`, the factor of the silhouette's sum over all `n` pixels; 0: it does not count.
+    pub silhouette_scale: f32,
 }
 
 impl LossUniform {
@@ -274,9 +282,32 @@ impl LossUniform {
             mean_scale: mean_scale as f32,
             slot: 0,
             n_partials: 0,
-            pad_0: 0,
-            pad_1: 0,
+            far_scale: 0.0,
+            silhouette_scale: 0.0,
         }
+    }
+
+    /// Adds `weight` times the mean of `|x - y|` over the `n` pixels that the target image marks as far,
+    /// whatever they weigh else.
+    pub fn with_far(mut self, weight: f64, n: usize) -> Self {
+        self.far_scale = per_pixel(weight / 3.0, n);
+        self
+    }
+
+    /// Adds `weight` times the mean binary cross-entropy between the render's opacity and the subject
+    /// that the target image of `n` pixels marks.
+    pub fn with_silhouette(mut self, weight: f64, n: usize) -> Self {
+        self.silhouette_scale = per_pixel(weight, n);
+        self
+    }
+}
+
+/// Returns the weight of one of `n` pixels, 0 if there is none.
+fn per_pixel(weight: f64, n: usize) -> f32 {
+    if n > 0 {
+        (weight / n as f64) as f32
+    } else {
+        0.0
     }
 }
 

@@ -145,7 +145,10 @@ impl Workspace {
     }
 
     /// Returns the buffer of this name that belongs to one of a step's views.
-    pub(super) fn of_slot(&self, name: &str, slot: usize) -> &Buffer {
+    ///
+    /// # Panics
+    /// If there is none: a fault in this program.
+    pub fn of_slot(&self, name: &str, slot: usize) -> &Buffer {
         let found = self.all(name).get(slot);
         found.unwrap_or_else(|| panic!("no buffer `{name}` {slot}"))
     }

@@ -30,6 +30,7 @@ pub use names::file_names;
 pub use profile::{KernelProfile, RunProfile, Sample, StepProfile};
 pub use record::{
     CurvePoint, JobRecord, Memory, Metrics, ModelSize, PoseChange, SceneRecord, Seconds,
+    VirtualImages,
 };
 pub use stop::{Gentle, Stop};
 

@@ -114,10 +114,22 @@ pub struct SceneRecord {
     /// files of older versions.
     #[serde(default)]
     pub thumbnails: Option<Vec<String>>,
+    /// Images from outside that virtual views show; null where there are none.
+    #[serde(default)]
+    pub virtual_images: Option<VirtualImages>,
     /// Points that each round of carving removed; null where it was off.
     pub carved_points: Option<Vec<usize>>,
     /// How the test cameras came into the frame of the training cameras.
     pub pose_protocol: PoseProtocol,
+}
+
+/// Images from outside that virtual views show in place of the cloud's splats.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct VirtualImages {
+    /// An absolute folder: what `--virtual-images` takes.
+    pub folder: String,
+    /// Multiplies the weight of those views.
+    pub weight: f64,
 }
 
 impl SceneRecord {

@@ -87,6 +87,7 @@ pub(super) fn decode(
             camera: camera.resized(target.0, target.1),
             image: from_rgb(image),
             mask: mask.map(|mask| mask.mask(target)),
+            prior: None,
         },
         fit: how,
         stated: (posed.camera.width, posed.camera.height),

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::files::read_file;
 
 /// Longest side of a photograph, pixels.
-const MAX_SIDE: u32 = 16_384;
+pub(super) const MAX_SIDE: u32 = 16_384;
 /// Most memory that decoding a photograph may take.
 const MAX_BYTES: u64 = 1 << 30;
 /// More bytes of pixels than this for each byte of a file cannot be in it: a PNG's deflate gains

@@ -13,10 +13,12 @@ use super::inverted::{are_inverted, turned};
 use super::layout::PosedCamera;
 use super::masks::Masks;
 use super::own_cloud::{make_a_cloud, no_point, own_cloud, read_points, stale};
+use super::priors::read_priors;
 use super::protocol::PoseProtocol;
 use super::split::{choose, regroup};
-use super::{CloudSource, LoadOptions, PointCloud, Scene};
+use super::{CloudSource, LoadOptions, Outside, PointCloud, Scene};
 use crate::camera::Camera;
+use crate::config::OutsideMask;
 use crate::error::{Error, Result};
 
 /// Loads the scene in the folder `dir`: poses, intrinsics and cloud in the format that is found
@@ -85,6 +87,12 @@ pub fn load(dir: &Path, options: &LoadOptions) -> Result<Scene> {
     warnings.extend(left_out);
     let mut train = views(decoded, &mut warnings)?;
     let mut test = train.split_off(split.train.len());
+    if let Some(wanted) = &options.priors {
+        let distorted = chosen[..train.len()]
+            .iter()
+            .map(|v| v.posed.distortion.is_some());
+        read_priors(dir, &mut train, &distorted.collect::<Vec<bool>>(), wanted)?;
+    }
     let mut cameras: Vec<Camera> = matched
         .views
         .iter()
@@ -173,7 +181,56 @@ fn protocol(n_interpolated: usize, warnings: &mut Vec<String>) -> PoseProtocol {
 ///
 /// Views that it does not have, or a cloud file that cannot be used.
 pub fn load_builtin(width: u32, options: &LoadOptions) -> Result<Scene> {
-    let mut scene = builtin::scene(&BuiltinOptions {
+    no_priors(options)?;
+    let scene = builtin::scene(&builtin_options(width, options));
+    let mut scene = as_asked(scene, options)?;
+    randomise(&mut scene, options);
+    Ok(scene)
+}
+
+/// Does so for the built-in object; what its masks leave out is the background unless the options say otherwise.
+///
+/// # Errors
+///
+/// As [`load_builtin`], and a cloud of which no point lies within all masks.
+pub fn load_object(width: u32, options: &LoadOptions) -> Result<Scene> {
+    no_priors(options)?;
+    let outside = match options.outside_mask {
+        OutsideMask::Auto | OutsideMask::Background => Outside::Background,
+        OutsideMask::Ignored => Outside::Ignored,
+        OutsideMask::Kept => Outside::Kept,
+    };
+    let made = builtin_options(width, options);
+    let scene = builtin::object(&made, outside, options.background);
+    let mut scene = as_asked(scene, options)?;
+    let Scene {
+        cloud,
+        train,
+        warnings,
+        ..
+    } = &mut scene;
+    scene.whole_cloud = keep_within_masks(cloud, train, warnings);
+    if options.needs_cloud && scene.cloud.is_empty() {
+        return Err(Error::new(
+            "no point of the cloud lies within the masks of all training views",
+        ));
+    }
+    randomise(&mut scene, options);
+    Ok(scene)
+}
+
+fn no_priors(options: &LoadOptions) -> Result<()> {
+    if options.priors.is_some() {
+        return Err(
+            Error::usage("the built-in scene has no files of depths and normals")
+                .way_out("take `--set prior.source=cloud`"),
+        );
+    }
+    Ok(())
+}
+
+fn builtin_options(width: u32, options: &LoadOptions) -> BuiltinOptions {
+    BuiltinOptions {
         width,
         n_test: options.n_test,
         cloud_views: match options.cloud {
@@ -185,7 +242,11 @@ pub fn load_builtin(width: u32, options: &LoadOptions) -> Result<Scene> {
             _ => Imperfections::default(),
         },
         ..BuiltinOptions::default()
-    });
+    }
+}
+
+/// Gives a built-in scene the cloud and the views that are asked for.
+fn as_asked(mut scene: Scene, options: &LoadOptions) -> Result<Scene> {
     match &options.cloud {
         Some(CloudSource::File(path)) => {
             let mut cloud = read_cloud(path)?;
@@ -198,11 +259,18 @@ pub fn load_builtin(width: u32, options: &LoadOptions) -> Result<Scene> {
             }
             scene.cloud = cloud;
         }
-        Some(CloudSource::Random) => scene.cloud = random_like(&scene.cloud, options.seed),
-        Some(CloudSource::Views(_) | CloudSource::Exact) | None => {}
+        Some(CloudSource::Random | CloudSource::Views(_) | CloudSource::Exact) | None => {}
     }
     regroup(&mut scene, options)?;
     Ok(scene)
+}
+
+/// Makes the cloud random where that is asked for.
+fn randomise(scene: &mut Scene, options: &LoadOptions) {
+    if options.cloud == Some(CloudSource::Random) {
+        scene.cloud = random_like(&scene.cloud, options.seed);
+        scene.whole_cloud = None;
+    }
 }
 
 /// Returns the folder's own name, also for `.` and `..`.

@@ -23,6 +23,7 @@ mod origin;
 mod own_cloud;
 mod photographs;
 mod ply;
+mod priors;
 mod protocol;
 mod source;
 mod split;
@@ -40,9 +41,10 @@ use crate::config::{Config, OutsideMask};
 
 pub use cloud::{random_like, read_cloud, thin};
 pub use formats::other_clouds;
-pub use load::{load, load_builtin};
+pub use load::{load, load_builtin, load_object};
 pub use origin::n_cloud_views;
 pub use photographs::{Photograph, PhotographFile, find_photographs, read_photograph};
+pub use priors::{Prior, PriorFiles};
 pub use protocol::PoseProtocol;
 pub use write::{write_cloud, write_model};
 
@@ -86,6 +88,8 @@ pub struct View {
     pub image: Image,
     /// The subject, if the scene says what it is.
     pub mask: Option<Mask>,
+    /// What files say of its depths and normals, where training asks for them.
+    pub prior: Option<Prior>,
 }
 
 impl View {
@@ -250,10 +254,12 @@ pub struct LoadOptions {
     pub outside_mask: OutsideMask,
     /// Colour of those pixels if they show the background, RGB in [0, 1].
     pub background: [f64; 3],
+    /// The files of depths and normals that are read beside the training photographs.
+    pub priors: Option<PriorFiles>,
 }
 
 impl LoadOptions {
-    /// Takes what `config` says, with the scene's own split and cloud.
+    /// Takes what `config` says, with the scene's own split and cloud and without depths and normals.
     pub fn new(config: &Config) -> LoadOptions {
         LoadOptions {
             max_width: config.scene.max_width_px,
@@ -268,6 +274,7 @@ impl LoadOptions {
             seed: config.seed,
             outside_mask: config.scene.outside_mask,
             background: config.model.background,
+            priors: None,
         }
     }
 }

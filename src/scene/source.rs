@@ -12,14 +12,19 @@ use crate::error::{Error, Result, did_you_mean};
 /// Image width of the built-in scene where none is given, pixels.
 pub const DEFAULT_BUILTIN_WIDTH: u32 = 320;
 
-/// The source of a scene: a folder, or `builtin[:WIDTH]`. A folder of that name is
-/// `./builtin`.
+/// The source of a scene: a folder, `builtin[:WIDTH]` or `builtin:object[:WIDTH]`. A folder of that
+/// name is `./builtin`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SceneSource {
     /// A scene on disk: one folder in a format that is read.
     Folder(PathBuf),
     /// The built-in scene with images `width` pixels wide.
     Builtin {
+        /// Image width, pixels; the height is two thirds of it.
+        width: u32,
+    },
+    /// The built-in object, which turns on the spot before a white ground, with its masks.
+    Object {
         /// Image width, pixels; the height is two thirds of it.
         width: u32,
     },
@@ -50,6 +55,9 @@ impl SceneSource {
             SceneSource::Builtin { width } => SceneSource::Builtin {
                 width: width.min(px.max(*WIDTHS.start())),
             },
+            SceneSource::Object { width } => SceneSource::Object {
+                width: width.min(px.max(*WIDTHS.start())),
+            },
             folder => folder,
         }
     }
@@ -62,6 +70,7 @@ impl SceneSource {
                 None => "scene".to_owned(),
             },
             SceneSource::Builtin { .. } => "builtin".to_owned(),
+            SceneSource::Object { .. } => "builtin-object".to_owned(),
         }
     }
 }
@@ -78,15 +87,23 @@ impl FromStr for SceneSource {
                 width: DEFAULT_BUILTIN_WIDTH,
             });
         }
-        let Some(width) = text.strip_prefix("builtin:") else {
+        let Some(which) = text.strip_prefix("builtin:") else {
             return Ok(SceneSource::Folder(PathBuf::from(text)));
         };
-        match width.parse() {
-            Ok(width @ 16..=8192) => Ok(SceneSource::Builtin { width }),
+        if which == "object" {
+            return Ok(SceneSource::Object {
+                width: DEFAULT_BUILTIN_WIDTH,
+            });
+        }
+        let object = which.strip_prefix("object:");
+        let width = object.unwrap_or(which);
+        match (width.parse(), object) {
+            (Ok(width @ 16..=8192), None) => Ok(SceneSource::Builtin { width }),
+            (Ok(width @ 16..=8192), Some(_)) => Ok(SceneSource::Object { width }),
             _ => Err(Error::usage(format!(
                 "the built-in scene's width is 16 to 8192 pixels, not `{width}`"
             ))
-            .way_out("write for example builtin:640")),
+            .way_out("write for example builtin:640, or builtin:object for the other one")),
         }
     }
 }
@@ -96,6 +113,7 @@ impl fmt::Display for SceneSource {
         match self {
             SceneSource::Folder(folder) => write!(f, "{}", folder.display()),
             SceneSource::Builtin { width } => write!(f, "builtin:{width}"),
+            SceneSource::Object { width } => write!(f, "builtin:object:{width}"),
         }
     }
 }
@@ -132,7 +150,7 @@ impl CloudSource {
                         let models = FOLDERS.map(|model| dir.join(model));
                         [vec![dir.clone()], models.to_vec()].concat()
                     }
-                    SceneSource::Builtin { .. } => Vec::new(),
+                    SceneSource::Builtin { .. } | SceneSource::Object { .. } => Vec::new(),
                 };
                 let candidates = folders.iter().map(|folder| folder.join(&path));
                 candidates

@@ -18,6 +18,7 @@ impl SceneSource {
         match self {
             SceneSource::Folder(folder) => list(folder, "", &mut listing).ok()?,
             SceneSource::Builtin { width } => listing += &format!("builtin {width}\n"),
+            SceneSource::Object { width } => listing += &format!("object {width}\n"),
         }
         if let Some(CloudSource::File(path)) = cloud {
             listing += &line("cloud", &std::fs::metadata(path).ok()?);

@@ -42,7 +42,7 @@ impl Study for Ceiling {
 
     fn variants(&self, base: &Base) -> Result<Vec<Variant>> {
         let mut variants = base.presets(&[BASELINE, "paper", DEFAULT])?;
-        if let SceneSource::Builtin { .. } = base.source() {
+        if !matches!(base.source(), SceneSource::Folder(_)) {
             let Variant { name, job } = base.variant(EXACT, DEFAULT, &[])?;
             let cloud = Some(CloudSource::Exact);
             let job = TrainJob { cloud, ..job };

@@ -30,7 +30,7 @@ pub(crate) struct Cloud;
 /// Lists the clouds' labels and where they come from; the scene's own is `None`.
 fn clouds(base: &Base, scene: &Scene) -> Result<Vec<(String, Option<CloudSource>)>> {
     match base.source() {
-        SceneSource::Builtin { .. } => Ok(VIEWS
+        SceneSource::Builtin { .. } | SceneSource::Object { .. } => Ok(VIEWS
             .map(|n| {
                 let source = (n != OWN_VIEWS).then_some(CloudSource::Views(n));
                 (format!("{n}-views"), source)
@@ -149,8 +149,10 @@ fn quality_table(results: &Results) -> Table {
             Some(CloudSource::Views(n)) => format!("{n} views"),
             Some(_) => suffix.trim_start_matches("-cloud-").to_owned(),
             None => match run.job.source {
-                SceneSource::Builtin { .. } => format!("{OWN_VIEWS} views"),
                 SceneSource::Folder(_) => "the scene's own".to_owned(),
+                SceneSource::Builtin { .. } | SceneSource::Object { .. } => {
+                    format!("{OWN_VIEWS} views")
+                }
             },
         };
         if !suffixes.iter().any(|(known, _)| known == suffix) {

@@ -21,6 +21,7 @@ mod quality;
 mod renders;
 mod runs;
 mod sampling;
+mod systems;
 mod viewpoints;
 mod views;
 mod whereabouts;
@@ -62,6 +63,8 @@ pub enum StudyName {
     Parts,
     /// The presets side by side, over iterations and over seconds
     Presets,
+    /// Whole systems on scenes and objects: quality, seconds, Gaussians (Table 1)
+    Systems,
     /// What quality costs: SH degree, Gaussians, virtual views, iterations, resolution
     Need,
     /// What is left to gain beside training on all photographs and from an exact cloud, and where
@@ -83,6 +86,7 @@ impl StudyName {
             StudyName::Potential => "potential",
             StudyName::Parts => "parts",
             StudyName::Presets => "presets",
+            StudyName::Systems => "systems",
             StudyName::Need => "need",
             StudyName::Ceiling => "ceiling",
         }
@@ -100,6 +104,7 @@ impl StudyName {
             StudyName::Potential => &potential::Potential,
             StudyName::Parts => &parts::Parts,
             StudyName::Presets => &presets::Presets,
+            StudyName::Systems => &systems::Systems,
             StudyName::Need => &need::Need,
             StudyName::Ceiling => &ceiling::Ceiling,
         }

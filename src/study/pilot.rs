@@ -68,8 +68,10 @@ impl Study for Pilot {
             test_views: Some(names(&scene.test)),
             // What one view shows, where the cloud can be made of it alone.
             cloud: match base.source() {
-                SceneSource::Builtin { .. } => Some(CloudSource::Views(1)),
                 SceneSource::Folder(_) => None,
+                SceneSource::Builtin { .. } | SceneSource::Object { .. } => {
+                    Some(CloudSource::Views(1))
+                }
             },
             ..job
         };

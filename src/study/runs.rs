@@ -107,6 +107,8 @@ impl Planned {
                 "its cloud is {}",
                 cloud.unwrap_or("the scene's own")
             ))
+        } else if there.virtual_images != job.virtual_images {
+            Some("its virtual views show other images".to_owned())
         } else if other(&job.train_views, &there.train_views) {
             Some("it has other training views".to_owned())
         } else if other(&job.test_views, &there.test_views) {
@@ -188,7 +190,22 @@ impl Results {
 
     /// Returns every scene and, where there are several, all together.
     pub(crate) fn scopes(&self) -> Vec<Scope<'_>> {
-        let scenes = self.scenes();
+        self.scopes_among(self.scenes())
+    }
+
+    /// Does so first for the scenes none of whose runs `holds`, then for the others.
+    pub(crate) fn scopes_by(&self, holds: impl Fn(&Finished) -> bool) -> Vec<Scope<'_>> {
+        let is_other = |name: &&str| {
+            let mut own = self.runs.iter().filter(|run| run.scene == *name);
+            own.any(&holds)
+        };
+        let (others, first): (Vec<&str>, Vec<&str>) = self.scenes().into_iter().partition(is_other);
+        let mut scopes = self.scopes_among(first);
+        scopes.extend(self.scopes_among(others));
+        scopes
+    }
+
+    fn scopes_among(&self, scenes: Vec<&str>) -> Vec<Scope<'_>> {
         let scope = |name: String, scenes: Vec<&'_ str>| Scope {
             name,
             scenes: scenes.into_iter().map(str::to_owned).collect(),

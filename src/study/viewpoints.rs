@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::eval::{self, EvalOptions};
 use crate::field::{Field, Focus};
 use crate::gaussians::ply::read_ply;
-use crate::gpu::{Gpu, Rasterizer};
+use crate::gpu::Gpu;
 use crate::pipeline::{TrainJob, focus_of};
 use crate::render::{Device, Kernels};
 use crate::report::plot::{Axis, Plot, Point, Style};
@@ -69,16 +69,16 @@ impl Setting {
         self.field.u_conf(direction).to_degrees()
     }
 
-    /// Returns views all over the sphere if the truth is at hand, as it is for the built-in scene:
+    /// Returns views all over the sphere if the truth is at hand, as it is for the built-in still life:
     /// of `n` directions, those outside objects and above the floor. For other scenes it returns
     /// the test views.
     ///
     /// # Errors
     /// No training camera to take the intrinsics from.
     pub(crate) fn viewpoints(&self, n: usize) -> Result<Vec<View>> {
-        if let SceneSource::Folder(_) = self.job.source {
+        let SceneSource::Builtin { .. } = self.job.source else {
             return Ok(self.scene.test.clone());
-        }
+        };
         let mut config = self.job.config.clone();
         config.field.n_candidates = n;
         let train = cameras(&self.scene.train);
@@ -91,6 +91,7 @@ impl Setting {
                 image: builtin::render(&camera),
                 camera,
                 mask: None,
+                prior: None,
             })
             .collect())
     }
@@ -170,7 +171,7 @@ pub(crate) fn measure(
     views: &[View],
     options: &EvalOptions,
 ) -> Result<Evaluation> {
-    let kernels = Kernels::with(Rasterizer::of(run.job.config.render.rasterizer, gpu));
+    let kernels = Kernels::of(&run.job.config.render, gpu)?;
     let device = Device {
         gpu,
         kernels: &kernels,

@@ -1,13 +1,15 @@
 //! This module predicts what training's buffers will take, before there are any.
 
+use super::depths::size;
 use super::optimizer::{plan_bytes, statistics_bytes, with_room};
+use super::partner;
 use super::supervision::{Supervision, TrainingView};
 use crate::camera::Camera;
 use crate::config::Config;
 use crate::gpu::{Buffer, Gpu, Rasterizer};
 use crate::render::{
-    Capacity, PoseGradient, Targets, ViewUniform, WorkspaceBytes, block_bytes, first_pairs,
-    model_bytes, most_gaussians,
+    Capacity, DepthPass, PoseGradient, Targets, ViewUniform, WorkspaceBytes, block_bytes,
+    first_pairs, model_bytes, most_gaussians,
 };
 
 /// Bytes of GPU buffers that training holds at one time, to the byte.
@@ -29,9 +31,13 @@ pub struct TrainingBytes {
     pub targets: u64,
     /// Gradients of poses, where they are refined.
     pub poses: u64,
+    /// All that a partner has of these for itself, where there is one.
+    pub partner: u64,
+    /// Depths, normals and their gradients, where training views are held to some.
+    pub depths: u64,
     /// Staging buffer of the largest block that the host reads at once.
     pub reading: u64,
-    /// What densifying, or pruning by contribution, holds beside the old set; at most.
+    /// What densifying, or pruning without it, holds beside the old set; at most.
     pub densifying: u64,
 }
 
@@ -46,7 +52,7 @@ impl TrainingBytes {
     ) -> TrainingBytes {
         let rasterizer = Rasterizer::of(config.render.rasterizer, gpu);
         let capacity = start_capacity(gpu, rasterizer, n, supervision, config);
-        Self::with(capacity, n, target_bytes(gpu, supervision, config), config)
+        Self::with(capacity, n, (gpu, supervision), config)
     }
 
     /// Returns the same while it densifies to `config.densify.max_gaussians`; `None` where nothing
@@ -71,33 +77,35 @@ impl TrainingBytes {
         Some(TrainingBytes {
             n_gaussians: most,
             densifying: model_bytes(stride, degree) + plan_bytes(most),
-            ..Self::with(
-                capacity,
-                most,
-                target_bytes(gpu, supervision, config),
-                config,
-            )
+            ..Self::with(capacity, most, (gpu, supervision), config)
         })
     }
 
     fn with(
         capacity: Capacity,
         n_gaussians: usize,
-        targets: u64,
+        (gpu, supervision): (&Gpu, &Supervision),
         config: &Config,
     ) -> TrainingBytes {
         let sh_degree = config.model.sh_degree;
         let model = model_bytes(capacity.stride, sh_degree);
+        let statistics = statistics_bytes(capacity.stride);
+        let workspace = WorkspaceBytes::of(capacity);
         TrainingBytes {
             n_gaussians,
             n_pairs: capacity.pairs,
             model,
             moments: 2 * model,
-            statistics: statistics_bytes(capacity.stride),
-            workspace: WorkspaceBytes::of(capacity),
-            targets,
+            statistics,
+            workspace,
+            targets: target_bytes(gpu, supervision, config),
+            depths: depth_bytes(&capacity, supervision, config),
             poses: match config.poses.refine {
                 true => PoseGradient::bytes(capacity.stride),
+                false => 0,
+            },
+            partner: match config.partner.enabled {
+                true => 3 * model + statistics + workspace.total(),
                 false => 0,
             },
             reading: Buffer::readback_bytes(match config.need.hold_out {
@@ -105,7 +113,7 @@ impl TrainingBytes {
                 // Renders of the held-out views are read, too.
                 _ => block_bytes(capacity.stride, sh_degree).max(rendered_bytes(capacity.plane)),
             }),
-            densifying: match config.need.prunes() {
+            densifying: match config.need.prunes() || partner::ever_prunes(config) {
                 true => model + plan_bytes(n_gaussians),
                 false => 0,
             },
@@ -121,13 +129,18 @@ impl TrainingBytes {
         } = self.workspace;
         let n = self.n_pairs.max(1) as u64;
         // The sort's second half is as large as its first, two of the three words of a pair.
-        (pairs + pairs / 3 * 2 + pair_gradients) / n
+        let of_depths = match self.depths {
+            0 => 0,
+            _ => n * DepthPass::BYTES_A_PAIR,
+        };
+        (pairs + pairs / 3 * 2 + pair_gradients + of_depths) / n
     }
 
     /// Returns the bytes that are held between two iterations.
     pub fn held(&self) -> u64 {
         let of_gaussians = self.model + self.moments + self.statistics;
-        of_gaussians + self.workspace.total() + self.targets + self.poses
+        let of_sets = of_gaussians + self.workspace.total() + self.partner;
+        of_sets + self.targets + self.poses + self.depths
     }
 
     /// Returns the bytes that are held at the worst moment.
@@ -139,6 +152,16 @@ impl TrainingBytes {
 /// Bytes of a render, four planes of `plane` vectors.
 fn rendered_bytes(plane: usize) -> u64 {
     4 * 16 * plane as u64
+}
+
+/// Bytes of depths and normals.
+fn depth_bytes(capacity: &Capacity, supervision: &Supervision, config: &Config) -> u64 {
+    if !config.prior.is_on() {
+        return 0;
+    }
+    let uniform = |view: &TrainingView| uniform(&view.camera, supervision, config);
+    let views: Vec<ViewUniform> = supervision.real.iter().map(uniform).collect();
+    DepthPass::bytes(capacity.stride, capacity.pairs, &views, size(&config.prior))
 }
 
 /// Bytes of the target images that stay on the GPU.

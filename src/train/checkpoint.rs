@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 
 use super::optimizer::Optimizer;
-use super::state::State;
+use super::state::{SetSize, State};
 use super::supervision::{Supervision, TrainingView};
 use super::trainer::Trainer;
 use crate::error::{Error, Result};
@@ -31,17 +31,23 @@ impl Trainer<'_> {
             guides: self.guides.clone(),
             signal: self.signal.clone(),
             trims: self.trims.clone(),
+            partner: self.partner.as_ref().map(|partner| SetSize {
+                n_gaussians: partner.optimizer.model.n,
+                stride: partner.optimizer.model.stride,
+            }),
         }
     }
 
-    /// Reads the optimizer's buffers as bytes in a row, in portions that are read from the GPU when
+    /// Reads the optimizer's buffers, and then the partner's, as bytes in a row, in portions that are read from the GPU when
     /// it is their turn.
     ///
     /// # Errors
     /// An item may be a GPU fault.
     pub fn buffers(&self) -> impl Iterator<Item = Result<Vec<u8>>> {
         let lens = self.state().buffer_lens();
-        let buffers = self.optimizer.buffers().into_iter().zip(lens);
+        let partner = self.partner.iter().flat_map(|p| p.optimizer.buffers());
+        let buffers = self.optimizer.buffers().into_iter().chain(partner);
+        let buffers = buffers.zip(lens);
         buffers.flat_map(move |(buffer, len)| {
             let bytes = 16 * len;
             (0..bytes).step_by(PORTION).map(move |first| {
@@ -58,9 +64,12 @@ impl Trainer<'_> {
     /// # Errors
     /// A state of another model, not its number of bytes, or more than the adapter can hold.
     pub fn restore(&mut self, state: State, buffers: &[u8]) -> Result<()> {
-        let fits = state.n_gaussians <= state.stride
-            && state.stride <= most_gaussians(self.gpu, state.sh_degree)
+        let most = most_gaussians(self.gpu, state.sh_degree);
+        let fits = state
+            .sets()
+            .all(|set| set.n_gaussians <= set.stride && set.stride <= most)
             && state.sh_degree == self.optimizer.model.sh_degree
+            && state.partner.is_some() == self.partner.is_some()
             && state.poses.as_ref().map(Vec::len) == self.poses().map(Vec::len);
         let (n, degree) = (state.n_gaussians, state.sh_degree);
         if !fits {
@@ -78,18 +87,15 @@ impl Trainer<'_> {
                 buffers.len(),
             )));
         }
-        let stride = state.stride;
-        // What there was is free before as much is made again.
-        self.unbind();
-        self.optimizer = Optimizer::new(self.gpu, Model::zeros(self.gpu, 0, 0, degree)?)?;
-        self.gpu.wait()?;
-        let model = Model::zeros(self.gpu, n, stride, degree)?;
-        self.optimizer = Optimizer::new(self.gpu, model)?;
-        let mut rest = buffers;
-        for (buffer, len) in self.optimizer.buffers().into_iter().zip(lens) {
-            let (bytes, after) = rest.split_at(16 * len);
-            buffer.write(self.gpu, bytes);
-            rest = after;
+        let own = state.own_set();
+        let n_own = 16 * own.buffer_lens(degree).iter().sum::<usize>();
+        let (own_bytes, other_bytes) = buffers.split_at(n_own);
+        self.refill(own, own_bytes)?;
+        if let Some(set) = state.partner {
+            self.in_partner(|trainer| {
+                trainer.refill(set, other_bytes)?;
+                trainer.fit_model()
+            })?;
         }
         self.done = state.done;
         self.samples = state.samples;
@@ -103,6 +109,32 @@ impl Trainer<'_> {
         }
         self.fit_model()
     }
+
+    /// Makes the set anew at this size and fills its buffers from bytes in a row.
+    fn refill(&mut self, set: SetSize, mut rest: &[u8]) -> Result<()> {
+        let degree = self.optimizer.model.sh_degree;
+        // What there was is free before as much is made again.
+        self.unbind();
+        self.optimizer = Optimizer::new(self.gpu, Model::zeros(self.gpu, 0, 0, degree)?)?;
+        self.gpu.wait()?;
+        let model = Model::zeros(self.gpu, set.n_gaussians, set.stride, degree)?;
+        self.optimizer = Optimizer::new(self.gpu, model)?;
+        // Those of the start; the buffers have them as they are by now.
+        let gains = &self.supervision.position_gains;
+        let kept = &gains[..gains.len().min(set.n_gaussians)];
+        self.optimizer.set_position_gains(self.gpu, kept);
+        for (buffer, len) in self
+            .optimizer
+            .buffers()
+            .into_iter()
+            .zip(set.buffer_lens(degree))
+        {
+            let (bytes, after) = rest.split_at(16 * len);
+            buffer.write(self.gpu, bytes);
+            rest = after;
+        }
+        Ok(())
+    }
 }
 
 /// Returns a CRC-32 of everything that a run learns from, by name.
@@ -111,6 +143,9 @@ pub fn fingerprint(supervision: &Supervision, start: &Gaussians) -> BTreeMap<Str
     for view in supervision.views() {
         let name = &view.camera.name;
         parts.insert(format!("image of `{name}`"), sum(&view.goal.parts()));
+        if let Some(depths) = &view.depths {
+            parts.insert(format!("depths of `{name}`"), sum(&depths.parts()));
+        }
         parts.insert(format!("camera of `{name}`"), camera_sum(view));
     }
     let cloud = [
@@ -121,6 +156,10 @@ pub fn fingerprint(supervision: &Supervision, start: &Gaussians) -> BTreeMap<Str
         bytemuck::cast_slice(&start.sh),
     ];
     parts.insert("point cloud".to_owned(), sum(&cloud));
+    if !supervision.position_gains.is_empty() {
+        let gains = bytemuck::cast_slice(&supervision.position_gains);
+        parts.insert("confidences of the cloud".to_owned(), sum(&[gains]));
+    }
     parts
 }
 

@@ -8,7 +8,6 @@
 use super::signal::evenly;
 use super::trainer::Trainer;
 use crate::error::Result;
-use crate::gpu::constants::LEVEL_MAX;
 use crate::render::{ViewUniform, read_totals};
 
 /// Most virtual views that are looked at, evenly over all: each costs a forward and half a backward, and many show the same.
@@ -34,7 +33,7 @@ impl Trainer<'_> {
             let weights: Vec<f32> = self
                 .goal
                 .iter()
-                .map(|texel| (f64::from(texel.to_le_bytes()[3]) / LEVEL_MAX) as f32)
+                .map(|texel| view.weight_of(*texel) as f32)
                 .collect();
             self.contribute(uniform, degree, &weights, &mut contributions)?;
         }

@@ -5,13 +5,15 @@
 //! an [`observer`], and [`checkpoint`] takes it apart and puts it together again between two
 //! iterations. [`supervision`] is what they learn from, [`capacity`] says what that takes, [`shell`]
 //! is a background of Gaussians beyond the scene, [`pose_adam`] moves cameras, where they are
-//! refined, [`guide`] chooses whom dropout leaves out, and what the scene needs is
+//! refined, `depths` holds training views to depths and normals, [`guide`] chooses whom dropout leaves out, a [`partner`] is a second set of Gaussians, and what the scene needs is
 //! decided by virtual views that nothing is learned from ([`SignalPoint`]): [`length`] says when training ends,
 //! [`trim`] which Gaussians it can do without, `lower` which SH degrees.
 
 pub mod capacity;
 pub mod checkpoint;
 mod contribution;
+mod depth_target;
+mod depths;
 mod dropout;
 mod goal;
 pub mod guide;
@@ -19,6 +21,9 @@ pub mod length;
 mod lower;
 pub mod observer;
 pub mod optimizer;
+pub mod outliers;
+pub mod partner;
+mod partnered;
 pub mod policy;
 pub mod pose_adam;
 mod poses;
@@ -36,6 +41,8 @@ pub mod trim;
 
 pub use capacity::TrainingBytes;
 pub use checkpoint::fingerprint;
+pub use depth_target::DepthTarget;
+pub use depths::DepthLosses;
 pub use goal::Goal;
 pub use observer::Observer;
 pub use pose_adam::PoseAdam;

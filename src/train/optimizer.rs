@@ -72,18 +72,18 @@ pub struct StepUniform {
     pub correction_2: f32,
     /// Added to the root of the second moment.
     pub epsilon: f32,
-    /// Padding.
-    pub pad_1: f32,
+    /// 1 where positions have rates of their own, else 0; [`Optimizer::step`] sets it.
+    pub own_rates: u32,
     /// Distance from the focus beyond which geometry is held; infinite if nothing is.
     pub frozen_beyond: f32,
     /// Padding.
-    pub pad_2: [f32; 3],
+    pub pad_1: [f32; 3],
     /// Gaussians that are trained.
     pub n_gaussians: u32,
     /// Entries a plane of the buffers, not below `n_gaussians`.
     pub stride: u32,
     /// Padding.
-    pub pad_3: [u32; 2],
+    pub pad_2: [u32; 2],
 }
 
 /// One view of a step; `StepView` in `adam.wgsl`.
@@ -133,12 +133,12 @@ impl StepUniform {
             correction_1: (1.0 / (1.0 - o.beta1.powf(t))) as f32,
             correction_2: (1.0 / (1.0 - o.beta2.powf(t)).sqrt()) as f32,
             epsilon: o.epsilon as f32,
-            pad_1: 0.0,
+            own_rates: 0,
             frozen_beyond: f32::INFINITY,
-            pad_2: [0.0; 3],
+            pad_1: [0.0; 3],
             n_gaussians: 0,
             stride: 0,
-            pad_3: [0; 2],
+            pad_2: [0; 2],
         }
     }
 
@@ -173,7 +173,7 @@ pub struct RearrangeUniform {
     pub new_stride: u32,
     /// Planes of the block, 1 to 5.
     pub n_planes: u32,
-    /// 0 for geometry, 2 for Adam moments, 1 for what is copied as it is.
+    /// 0 for geometry, 2 for Adam moments, 3 for statistics of which the rate alone stays, 1 for what is copied as it is.
     pub kind: u32,
     /// Padding.
     pub pad: [u32; 3],
@@ -197,8 +197,10 @@ const KIND_GEOMETRY: u32 = 0;
 /// Copied as it is: SH, and the statistics.
 const KIND_PLAIN: u32 = 1;
 const KIND_MOMENTS: u32 = 2;
+/// Statistics that start anew but for the position's rate.
+const KIND_RATES: u32 = 3;
 
-/// A `vec4f` a Gaussian: sum of screen gradients, number of views, largest radius, 0.
+/// A `vec4f` a Gaussian: sum of screen gradients, number of views, largest radius, gain of the position's rate.
 const STATISTICS: BufferKind = BufferKind::storage::<[f32; 4]>("statistics");
 const STEP: BufferKind = BufferKind::uniform::<StepUniform>("step");
 /// A plan, an entry a Gaussian of the new set.
@@ -229,8 +231,11 @@ pub struct Optimizer {
     pub first_moment: Model,
     /// Adam's running mean of the squared gradient, laid out as the parameters are.
     pub second_moment: Model,
-    /// `vec4f` a Gaussian: sum of screen gradients, number of views, largest radius, 0.
+    /// `vec4f` a Gaussian: sum of screen gradients, number of views, largest radius, and what is added to
+    /// 1 for the factor of its position's rate.
     statistics: Buffer,
+    /// Whether that factor counts.
+    own_rates: bool,
     step: Buffer,
 }
 
@@ -245,9 +250,20 @@ impl Optimizer {
             first_moment: zeros()?,
             second_moment: zeros()?,
             statistics: STATISTICS.allocate(gpu, model.stride)?,
+            own_rates: false,
             step: STEP.allocate(gpu, 1)?,
             model,
         })
+    }
+
+    /// Gives the positions rates of their own: Gaussian `i`'s is multiplied by `1 + gains[i]`. Without
+    /// gains all have the same.
+    pub fn set_position_gains(&mut self, gpu: &Gpu, gains: &[f32]) {
+        self.own_rates = !gains.is_empty();
+        if self.own_rates {
+            let statistics: Vec<[f32; 4]> = gains.iter().map(|g| [0.0, 0.0, 0.0, *g]).collect();
+            self.statistics.write(gpu, &statistics);
+        }
     }
 
     /// Returns everything that a step changes: the blocks of the parameters, of the first and of
@@ -311,6 +327,7 @@ impl Optimizer {
     ) {
         step.n_gaussians = shader_count(self.model.n);
         step.stride = shader_count(self.model.stride);
+        step.own_rates = u32::from(self.own_rates);
         self.step.write(gpu, &[step]);
         let n = self.model.n as u64;
         let degree = sh_degree as usize;
@@ -365,7 +382,8 @@ impl Optimizer {
     }
 
     /// Carries out a plan. Statistics start anew where it is one of densification, which they are
-    /// gathered for, and follow their Gaussians where it is not. Bind groups of the old set keep
+    /// gathered for, and follow their Gaussians where it is not; rates of positions follow in both, to
+    /// new Gaussians, too. Bind groups of the old set keep
     /// its memory: drop them first.
     ///
     /// # Errors
@@ -412,9 +430,10 @@ impl Optimizer {
             pad: [0; 3],
         };
         let statistics = STATISTICS.allocate(gpu, stride)?;
-        if !densifies {
+        if !densifies || self.own_rates {
             let mut commands = Commands::new(gpu);
-            let layout = layout(self.model.stride, 1, KIND_PLAIN);
+            let kind = if densifies { KIND_RATES } else { KIND_PLAIN };
+            let layout = layout(self.model.stride, 1, kind);
             follow(&mut commands, &self.statistics, &statistics, layout);
             commands.submit();
             gpu.wait()?;

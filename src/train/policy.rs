@@ -96,6 +96,8 @@ pub struct Surroundings<'a> {
     pub extent: f64,
     /// Gaussians farther from the focus are kept as they are: those of the far shell.
     pub frozen_beyond: f32,
+    /// Which of two sets it is, each of which draws for itself: 0 or 1.
+    pub set: u64,
 }
 
 /// Decides after `done` iterations.
@@ -131,7 +133,7 @@ pub fn plan(
         |fate| matches!(fate, Fate::Clone | Fate::Split),
         room,
     );
-    carry_out(gathered, &fates, config.seed, done)
+    carry_out(gathered, &fates, config.seed, (surroundings.set, done))
 }
 
 /// Keeps only the `n` entries of the selected kind that have the highest scores (the lower index
@@ -169,6 +171,7 @@ impl Rules<'_> {
             coverage,
             extent,
             frozen_beyond,
+            ..
         } = *surroundings;
         let mean = gathered.means[i];
         if mean.length() > frozen_beyond {
@@ -236,10 +239,10 @@ impl Rules<'_> {
 
 /// Writes the plan: kept Gaussians first, in order; then the clones; then the halves of the split
 /// ones (3DGS).
-fn carry_out(gathered: &Gathered, fates: &[Judgement], seed: u64, done: u32) -> Plan {
+fn carry_out(gathered: &Gathered, fates: &[Judgement], seed: u64, (set, done): (u64, u32)) -> Plan {
     let mut plan = Plan::default();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream(STREAM | u64::from(done));
+    rng.set_stream((STREAM ^ (set << 63)) | u64::from(done));
     for (i, judgement) in fates.iter().enumerate() {
         match judgement.fate {
             Fate::Keep | Fate::Clone => plan.push(i, 0, DVec3::ZERO, 0.0),
@@ -275,6 +278,17 @@ fn carry_out(gathered: &Gathered, fates: &[Judgement], seed: u64, done: u32) -> 
 }
 
 impl Plan {
+    /// Keeps the Gaussians that stay, as they are; `counts` says why the others go.
+    pub fn of_those_that_stay(stays: &[bool], counts: PlanCounts) -> Plan {
+        let sources = (0..stays.len()).filter(|&i| stays[i]).map(shader_count);
+        let sources: Vec<u32> = sources.collect();
+        Plan {
+            changes: vec![[0.0; 4]; sources.len()],
+            sources,
+            counts,
+        }
+    }
+
     fn push(&mut self, source: usize, flag: u32, offset: DVec3, scale_change: f64) {
         self.sources.push(shader_count(source) | flag);
         let offset = offset.as_vec3();

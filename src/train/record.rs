@@ -2,20 +2,25 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::depths::DepthLosses;
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 
-/// The losses of one iteration; means over all pixels, of a virtual view over its valid ones.
+/// The losses of one iteration; means over all pixels, of a virtual view over its valid ones. A partner's pseudo view stands
+/// where the virtual view else does.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LossSample {
     /// Number of finished iterations.
     pub iteration: u32,
-    /// `L_real + alpha_k L_virt`.
+    /// `L_real + alpha_k L_virt`, and the weighted losses of depths and normals.
     pub loss: f64,
     /// The training view's, before its weight.
     pub real: ImageLoss,
     /// The loss of the iteration's virtual view, before its weight; null without virtual views.
     pub virt: Option<ImageLoss>,
+    /// Those of the training view's depths and normals, before their weights, where it is held to some.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depths: Option<DepthLosses>,
 }
 
 /// The parts of an image loss.
@@ -40,9 +45,15 @@ pub struct PlanCounts {
     pub pruned_size: usize,
     /// Gaussians removed by the paper's coverage-aware rule: `a_i` is above `tau_i`.
     pub pruned_anisotropy: usize,
+    /// Gaussians removed because they lie apart from all others.
+    #[serde(default)]
+    pub pruned_outliers: usize,
     /// Gaussians removed because they contribute least to the views.
     #[serde(default)]
     pub pruned_contribution: usize,
+    /// Gaussians removed because the partner's are all far away.
+    #[serde(default)]
+    pub pruned_apart: usize,
 }
 
 /// A change of the set of Gaussians.

@@ -28,6 +28,9 @@ impl Trainer<'_> {
     /// More pairs than the adapter can bind, or a GPU fault.
     pub fn make_room(&mut self) -> Result<Option<u32>> {
         let totals = read_totals(self.gpu, &self.workspace)?;
+        if self.partner.is_some() {
+            return self.make_room_for_both(&totals);
+        }
         let Some(room) = totals.room(self.gpu)? else {
             return Ok(None);
         };
@@ -61,6 +64,12 @@ impl Trainer<'_> {
         if let Some(refinement) = &mut self.refinement {
             refinement.gradient = None;
         }
+        if let Some(partner) = &mut self.partner {
+            partner.exchange = None;
+        }
+        if let Some(depths) = &mut self.depths {
+            depths.pass = None;
+        }
     }
 
     fn rebind(&mut self) -> Result<()> {
@@ -75,6 +84,11 @@ impl Trainer<'_> {
             .bind(self.gpu, &self.optimizer_kernels, &self.workspace);
         if let Some(refinement) = &mut self.refinement {
             refinement.rebind(self.gpu, &self.workspace, &self.optimizer.model)?;
+        }
+        self.rebind_exchange();
+        if let Some(depths) = &mut self.depths {
+            let of = (&self.workspace, &self.optimizer.model);
+            depths.rebind(self.gpu, of, &self.real)?;
         }
         Ok(())
     }

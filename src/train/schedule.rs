@@ -6,6 +6,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::config::{Config, OptimizerConfig};
+use crate::gpu::constants::LEVEL_MAX;
 
 /// Random streams of the view orders, apart from those of other consumers of the seed.
 const REAL_STREAM: u64 = 0x7265_616c;
@@ -13,6 +14,12 @@ const VIRTUAL_STREAM: u64 = 0x7669_7274;
 
 /// Random stream of the dropout's keys.
 const DROPOUT_STREAM: u64 = 0x6472_6f70;
+
+/// Random stream of the background's colours.
+const BACKGROUND_STREAM: u64 = 0x6267_7264;
+
+/// Makes the dropout's key of a second set of Gaussians.
+const OTHER_KEY: u32 = 0x9e37_79b9;
 
 /// Draws views without replacement, epoch by epoch, as 3DGS does.
 pub struct ViewOrder {
@@ -78,6 +85,25 @@ pub struct Dropout {
     pub key: u32,
 }
 
+impl Dropout {
+    /// Returns the same dropout for a second set of Gaussians, which others are left out of.
+    pub fn of_other(self) -> Dropout {
+        Dropout {
+            key: self.key ^ OTHER_KEY,
+            ..self
+        }
+    }
+}
+
+/// Returns the colour behind the Gaussians at `iteration` (from 0), RGB in multiples of 1/255, where it is a random one.
+pub fn background(config: &Config, iteration: u32) -> Option<[f64; 3]> {
+    config.loss.random_background.then(|| {
+        let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
+        rng.set_stream(BACKGROUND_STREAM << 32 | u64::from(iteration));
+        [(); 3].map(|()| f64::from(rng.next_u32() >> 24) / LEVEL_MAX)
+    })
+}
+
 /// Returns the dropout at `iteration` (from 0): `p` goes from `rate_start` to `rate_end` as
 /// `iteration / iterations` does from 0 to 1 (DropGaussian from 0; D2GS).
 pub fn dropout(config: &Config, iteration: u32) -> Dropout {
@@ -100,6 +126,14 @@ pub fn densifies(config: &Config, done: u32) -> bool {
         && due(config, done, densify.interval)
 }
 
+/// Returns whether the set or its opacities change after `done` iterations.
+pub fn changes(config: &Config, done: u32) -> bool {
+    densifies(config, done)
+        || prunes_by_coverage(config, done)
+        || resets_opacity(config, done)
+        || removes_outliers(config, done)
+}
+
 /// Returns whether coverage-aware pruning follows after `done` iterations.
 pub fn prunes_by_coverage(config: &Config, done: u32) -> bool {
     let coverage = &config.coverage;
@@ -115,8 +149,15 @@ pub fn resets_opacity(config: &Config, done: u32) -> bool {
         && due(config, done, densify.opacity_reset_interval)
 }
 
+/// Returns whether Gaussians that lie apart are removed after `done` iterations (GaussianObject).
+pub fn removes_outliers(config: &Config, done: u32) -> bool {
+    let densify = &config.densify;
+    let is_due = |interval| due(config, done, interval);
+    densify.enabled && done < densify.end && densify.outlier_interval.is_some_and(is_due)
+}
+
 /// Returns whether a change of the set that comes every `interval` iterations follows after `done`.
 /// None follows the last iteration: no step would train what it leaves, and 3DGS saves before it.
-fn due(config: &Config, done: u32, interval: u32) -> bool {
+pub(super) fn due(config: &Config, done: u32, interval: u32) -> bool {
     interval > 0 && done > 0 && done < config.iterations && done.is_multiple_of(interval)
 }

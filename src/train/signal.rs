@@ -102,7 +102,9 @@ impl Trainer<'_> {
             let rendered = self.workspace.buffer("rendered");
             let rendered = read_rendered(self.gpu, rendered, &uniform)?;
             view.goal.unpack(&mut self.goal);
-            scores.push(visible_psnr(&rendered, &self.goal)?);
+            let visible = self.goal.iter().map(|texel| view.weight_of(*texel) == 1.0);
+            let visible: Vec<bool> = visible.collect();
+            scores.push(visible_psnr(&rendered, &self.goal, &visible)?);
         }
         Ok(mean(scores.into_iter().filter(Option::is_some)))
     }
@@ -144,8 +146,8 @@ pub(super) fn evenly(n: usize, most: usize) -> impl Iterator<Item = usize> {
     (0..taken).map(move |i| i * n / taken)
 }
 
-/// Returns the PSNR of a render over the pixels of `goal` that have full weight.
-fn visible_psnr(rendered: &Rendered, goal: &[u32]) -> Result<Option<f64>> {
+/// Returns the PSNR of a render over the pixels of `goal` that are `visible`.
+fn visible_psnr(rendered: &Rendered, goal: &[u32], visible: &[bool]) -> Result<Option<f64>> {
     let (width, height) = (rendered.width, rendered.height);
     let rgb = goal.iter().flat_map(|texel| {
         let [r, g, b, _] = texel.to_le_bytes();
@@ -156,13 +158,11 @@ fn visible_psnr(rendered: &Rendered, goal: &[u32]) -> Result<Option<f64>> {
         height,
         rgb: rgb.collect(),
     };
-    let visible = |texel: &u32| texel.to_le_bytes()[3] == u8::MAX;
-    let visible: Vec<bool> = goal.iter().map(visible).collect();
     let render = FloatImage {
         width,
         height,
         rgb: &rendered.rgb,
     };
-    let psnr = masked_psnr(&render, &truth, &visible)?;
+    let psnr = masked_psnr(&render, &truth, visible)?;
     Ok(psnr.map(|psnr| psnr.min(MOST_PSNR)))
 }

@@ -30,13 +30,46 @@ pub struct State {
     pub signal: Vec<SignalPoint>,
     /// Prunings by contribution so far.
     pub trims: Vec<Trim>,
+    /// The set beside this one, whose buffers follow; `None` unless there is a partner.
+    #[serde(default)]
+    pub partner: Option<SetSize>,
+}
+
+/// A set of Gaussians and the room for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SetSize {
+    /// Gaussians in the buffers, at most `stride`.
+    pub n_gaussians: usize,
+    /// Entries a plane of the buffers.
+    pub stride: usize,
 }
 
 impl State {
-    /// Returns the `vec4f`s of each buffer: the blocks of the parameters, of both moments, the
-    /// statistics.
+    /// Returns the size of the first set.
+    pub(super) fn own_set(&self) -> SetSize {
+        SetSize {
+            n_gaussians: self.n_gaussians,
+            stride: self.stride,
+        }
+    }
+
+    /// Returns the sizes of the sets.
+    pub(super) fn sets(&self) -> impl Iterator<Item = SetSize> + use<> {
+        [self.own_set()].into_iter().chain(self.partner)
+    }
+
+    /// Returns the `vec4f`s of each buffer, set by set: the blocks of the parameters, of the first and of the
+    /// second moment, the statistics.
     pub(super) fn buffer_lens(&self) -> Vec<usize> {
-        let planes = &BLOCK_PLANES[..n_blocks(self.sh_degree)];
+        let lens = |set: SetSize| set.buffer_lens(self.sh_degree);
+        self.sets().flat_map(lens).collect()
+    }
+}
+
+impl SetSize {
+    /// Returns the `vec4f`s of each buffer of the set.
+    pub(super) fn buffer_lens(&self, sh_degree: u32) -> Vec<usize> {
+        let planes = &BLOCK_PLANES[..n_blocks(sh_degree)];
         let planes = [planes, planes, planes, &[1]].concat();
         planes.iter().map(|planes| planes * self.stride).collect()
     }

@@ -5,6 +5,7 @@ use super::supervision::{Supervision, TrainingView};
 use super::trainer::Trainer;
 use crate::config::Config;
 use crate::error::Result;
+use crate::gpu::constants::LEVEL_MAX;
 use crate::gpu::{Commands, Gpu};
 use crate::render::{Targets, ViewUniform};
 
@@ -27,7 +28,8 @@ impl Trainer<'_> {
         })
     }
 
-    /// Makes the target image of view `k` of all that of a slot.
+    /// Makes the target image of view `k` of all that of a slot; a cut-out subject stands before `background` there, RGB in
+    /// multiples of 1/255, where there is one.
     pub(super) fn set_goal(
         &mut self,
         commands: &mut Commands<'_>,
@@ -35,14 +37,28 @@ impl Trainer<'_> {
         view: &TrainingView,
         uniform: &ViewUniform,
         k: usize,
+        background: Option<[f64; 3]>,
     ) {
         let workspace = &self.workspace;
+        let ground = background.filter(|_| view.has_ground);
         match self.targets.get(k) {
-            Some(target) => workspace.copy_goal(commands, slot, target),
-            None => {
+            Some(target) if ground.is_none() => workspace.copy_goal(commands, slot, target),
+            _ => {
                 view.goal.unpack(&mut self.goal);
+                if let Some(color) = ground {
+                    lay_ground(&mut self.goal, color);
+                }
                 workspace.set_goal(self.gpu, slot, uniform, &self.goal);
             }
         }
+    }
+}
+
+/// Gives the pixels around a cut-out subject, whose alpha is 0, a colour.
+fn lay_ground(goal: &mut [u32], color: [f64; 3]) {
+    let [r, g, b] = color.map(|c| (LEVEL_MAX * c).round() as u8);
+    let ground = u32::from_le_bytes([r, g, b, 0]);
+    for texel in goal.iter_mut().filter(|texel| **texel >> 24 == 0) {
+        *texel = ground;
     }
 }

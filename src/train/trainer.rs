@@ -3,10 +3,12 @@
 use std::time::Instant;
 
 use super::capacity::{start_capacity, uniform};
+use super::depths::Depths;
 use super::guide::Guide;
 use super::length::Settling;
 use super::observer::Observer;
 use super::optimizer::{Optimizer, OptimizerKernels, StepUniform};
+use super::partner::{self, Partner};
 use super::policy::{self, Plan, Surroundings};
 use super::record::{ImageLoss, LossSample, PlanRecord, SignalPoint, Trained, Trim};
 use super::refine::Refinement;
@@ -15,10 +17,10 @@ use super::supervision::{Supervision, TrainingView};
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::gaussians::Gaussians;
-use crate::gpu::{Commands, Gpu, Profile};
+use crate::gpu::{Commands, Exp2, Gpu, Profile};
 use crate::render::{
-    Bound, Kernels, LossUniform, Model, Pass, PassStep, Targets, ViewUniform, Workspace,
-    read_totals,
+    Bound, DepthKernels, Kernels, LossUniform, Model, Pass, PassStep, Targets, ViewUniform,
+    Workspace, read_totals,
 };
 
 /// Iterations between two looks at the GPU: a loss sample, the overflow flag, the progress.
@@ -60,6 +62,8 @@ pub struct StepViews {
     pub real: usize,
     /// Index into [`Supervision::virtual_views`]; `None` in an iteration without one.
     pub virtual_view: Option<usize>,
+    /// Whether a pseudo view stands in its place.
+    pub pseudo_view: bool,
 }
 
 /// A training run in progress.
@@ -74,11 +78,15 @@ pub struct Trainer<'a> {
     pub(super) held_out: Vec<ViewUniform>,
     real_order: ViewOrder,
     virtual_order: ViewOrder,
+    /// The set that is exported.
     pub(super) optimizer: Optimizer,
     pub(super) workspace: Workspace,
     pub(super) bound: Bound,
     pub(super) adam: Vec<Vec<wgpu::BindGroup>>,
+    /// The set beside it, where there is one.
+    pub(super) partner: Option<Partner>,
     pub(super) refinement: Option<Refinement>,
+    pub(super) depths: Option<Depths>,
     /// One a view, the real ones first; empty unless dropout is guided.
     pub(super) guides: Vec<Guide>,
     /// A view's, unpacked.
@@ -123,12 +131,26 @@ impl<'a> Trainer<'a> {
         let model = Model::upload(gpu, start, start.len())?;
         let capacity = start_capacity(gpu, kernels.rasterizer, model.n, supervision, config);
         let optimizer_kernels = OptimizerKernels::default();
-        let optimizer = Optimizer::new(gpu, model)?;
+        let mut optimizer = Optimizer::new(gpu, model)?;
+        optimizer.set_position_gains(gpu, &supervision.position_gains);
         let workspace = Workspace::new(gpu, capacity, true)?;
         let bound = Bound::new(gpu, kernels, &workspace, &optimizer.model);
         let adam = optimizer.bind(gpu, &optimizer_kernels, &workspace);
+        let partner = || {
+            let kernels = (kernels, &optimizer_kernels);
+            Partner::new(gpu, kernels, (&workspace, start), supervision)
+        };
+        let partner = config.partner.enabled.then(partner).transpose()?;
         let refine = || Refinement::new(gpu, &workspace, &optimizer.model, &supervision.real);
         let refinement = config.poses.refine.then(refine).transpose()?;
+        let depths = config.prior.is_on().then(|| {
+            let of = (&workspace, &optimizer.model);
+            // Weights are the colours' only with the same 2^x.
+            let sources = Exp2::of(config.render.exp2, gpu)?.sources();
+            let depth_kernels = DepthKernels::from_sources(kernels.rasterizer, sources);
+            Depths::new(gpu, depth_kernels, of, &real, &config.prior)
+        });
+        let depths = depths.transpose()?;
         let trained = [real.as_slice(), &virtual_views].concat();
         let targets = Self::upload_targets(gpu, &trained, supervision, config)?;
         Ok(Trainer {
@@ -146,7 +168,9 @@ impl<'a> Trainer<'a> {
             workspace,
             bound,
             adam,
+            partner,
             refinement,
+            depths,
             guides: Vec::new(),
             goal: Vec::new(),
             targets,
@@ -170,7 +194,6 @@ impl<'a> Trainer<'a> {
     /// # Errors
     /// A request that the adapter cannot hold, or a GPU fault.
     pub fn run(&mut self, observer: &mut dyn Observer) -> Result<Trained> {
-        let config = self.config;
         let mut done = self.done;
         if done == 0 && observer.inspects(done) {
             observer.inspect(done, &self.optimizer.model)?;
@@ -183,11 +206,8 @@ impl<'a> Trainer<'a> {
             let views = self.step(done, profile);
             self.refine(done, views.real)?;
             done += 1;
-            let changes = schedule::densifies(config, done)
-                || schedule::prunes_by_coverage(config, done)
-                || schedule::resets_opacity(config, done);
-            let looks =
-                changes || done.is_multiple_of(LOOK_INTERVAL) || done == self.settling.until;
+            let changes = self.changes(done);
+            let looks = self.looks(done);
             let keeps = observer.keeps(done);
             let measures = self.measures(done);
             if !(looks || observer.inspects(done) || keeps || times || measures) {
@@ -240,6 +260,16 @@ impl<'a> Trainer<'a> {
         })
     }
 
+    /// Says whether a set or its opacities change after `done` iterations.
+    fn changes(&self, done: u32) -> bool {
+        schedule::changes(self.config, done) || partner::prunes(self.config, done)
+    }
+
+    /// Says whether a loss is sampled after `done` iterations, whatever a measurement then decides.
+    fn looks(&self, done: u32) -> bool {
+        self.changes(done) || done.is_multiple_of(LOOK_INTERVAL) || done == self.settling.until
+    }
+
     /// Compiles the pipelines of the iteration that comes next. Those that only a later one needs are
     /// compiled then.
     pub fn compile(&mut self) {
@@ -264,8 +294,14 @@ impl<'a> Trainer<'a> {
         let degree = self.sh_degree(iteration);
         // There is at least one real view.
         let real = self.real_order.view(iteration).unwrap_or(0);
+        if self.partner.is_some() {
+            return self.record_both(iteration, real, commands);
+        }
         let virtual_view = self.virtual_order.view(iteration);
         let dropout = schedule::dropout(config, iteration);
+        let background = schedule::background(config, iteration);
+        // A measurement may find that this was the last iteration, whose loss is sampled.
+        let sampled = self.looks(iteration + 1) || self.measures(iteration + 1);
         let mut centers = Vec::with_capacity(2);
         let chosen = [
             Some((&self.supervision.real[real], self.real[real], real)),
@@ -274,21 +310,28 @@ impl<'a> Trainer<'a> {
                 (view, self.virtual_views[k], self.real.len() + k)
             }),
         ];
+        let has_depths = self.depths.as_mut().is_some_and(|depths| {
+            let view = &self.supervision.real[real];
+            depths.set(self.gpu, iteration, view, &self.real[real])
+        });
         // Copies of both first, so that the dispatches lie in a row.
         for (slot, (view, uniform, k)) in chosen.into_iter().flatten().enumerate() {
-            self.set_goal(commands, slot, view, &uniform, k);
+            self.set_goal(commands, slot, view, &uniform, k, background);
         }
         for (slot, (view, uniform, k)) in chosen.into_iter().flatten().enumerate() {
             let scale = [1.0, config.loss.virtual_weight][slot];
             let w = config.loss.ssim_weight;
-            let loss = LossUniform::new(view.weight * scale, w, view.total_weight, view.masked);
+            let weight = view.weight * scale;
+            let loss = LossUniform::new(weight, w, view.total_weight, view.masked)
+                .with_far(weight * config.loss.far_weight, view.n_far)
+                .with_silhouette(weight * config.loss.silhouette_weight, view.n_outlined);
             let pass = Pass::new(
                 self.gpu,
                 self.kernels,
                 &self.workspace,
                 &self.bound,
                 &self.optimizer.model,
-                self.dropped_out(uniform, k, dropout),
+                self.dropped_out(uniform.before(background), k, dropout),
                 PassStep {
                     slot,
                     sh_degree: degree,
@@ -296,8 +339,14 @@ impl<'a> Trainer<'a> {
                 },
             );
             pass.forward(commands);
-            pass.loss(commands, loss);
-            pass.backward(commands);
+            pass.loss_gradient(commands, loss);
+            if sampled {
+                pass.sum_losses(commands);
+            }
+            match &self.depths {
+                Some(depths) if slot == 0 && has_depths => depths.backward(&pass, commands),
+                _ => pass.backward(commands),
+            }
             if let (0, Some(refinement)) = (slot, &self.refinement)
                 && let Some(gradient) = &refinement.gradient
             {
@@ -305,13 +354,22 @@ impl<'a> Trainer<'a> {
             }
             centers.push(uniform.center());
         }
-        let step = StepUniform::new(config, iteration, self.supervision.extent, &centers)
-            .within(self.supervision.frozen_beyond())
-            .slowed(self.settling.rate(iteration));
+        let step = self.step_uniform(iteration, &centers);
         let kernels = &self.optimizer_kernels;
         self.optimizer
             .step(self.gpu, kernels, &self.adam, commands, step, degree);
-        StepViews { real, virtual_view }
+        StepViews {
+            real,
+            virtual_view,
+            pseudo_view: false,
+        }
+    }
+
+    /// Returns the Adam step of an iteration whose views have these optical centres.
+    pub(super) fn step_uniform(&self, iteration: u32, centers: &[[f64; 3]]) -> StepUniform {
+        StepUniform::new(self.config, iteration, self.supervision.extent, centers)
+            .within(self.supervision.frozen_beyond())
+            .slowed(self.settling.rate(iteration))
     }
 
     /// Returns the number of (tile, Gaussian) pairs of the last view, for benches.
@@ -323,7 +381,12 @@ impl<'a> Trainer<'a> {
     }
 
     /// Reads the losses of the iteration just done.
-    fn sample(&self, done: u32, StepViews { real, virtual_view }: StepViews) -> Result<LossSample> {
+    fn sample(&self, done: u32, views: StepViews) -> Result<LossSample> {
+        let StepViews {
+            real,
+            virtual_view,
+            pseudo_view,
+        } = views;
         let losses = self.workspace.read_losses(self.gpu)?;
         let w = self.config.loss.ssim_weight;
         let total = |loss: ImageLoss| (1.0 - w) * loss.l1 + w * (1.0 - loss.ssim);
@@ -331,35 +394,75 @@ impl<'a> Trainer<'a> {
             l1: losses[slot][0],
             ssim: losses[slot][1],
         };
-        let virt = virtual_view.map(|_| part(1));
+        let virt = (virtual_view.is_some() || pseudo_view).then(|| part(1));
         let mut loss = self.supervision.real[real].weight * total(part(0));
-        if let (Some(k), Some(part)) = (virtual_view, virt) {
-            let weight = self.supervision.virtual_views[k].weight;
-            loss += weight * self.config.loss.virtual_weight * total(part);
-        }
+        let weight = match virtual_view {
+            Some(k) => self.supervision.virtual_views[k].weight * self.config.loss.virtual_weight,
+            None => self.config.partner.weight,
+        };
+        loss += virt.map_or(0.0, |part| weight * total(part));
+        let depths = match &self.depths {
+            Some(depths) => {
+                let view = &self.supervision.real[real];
+                let losses = depths.losses(self.gpu, done.saturating_sub(1), view)?;
+                loss += losses.map_or(0.0, |losses| depths.total(&losses));
+                losses
+            }
+            None => None,
+        };
         Ok(LossSample {
             iteration: done,
             loss,
             real: part(0),
             virt,
+            depths,
         })
     }
 
     /// Densifies, prunes and resets as the schedule says after `done` iterations.
     fn change(&mut self, done: u32) -> Result<()> {
-        let (config, clock) = (self.config, Instant::now());
-        let densifies = schedule::densifies(config, done);
-        if densifies || schedule::prunes_by_coverage(config, done) {
-            let gathered = self.optimizer.gather(self.gpu)?;
-            let surroundings = Surroundings {
-                coverage: &self.supervision.coverage,
-                extent: self.supervision.extent,
-                frozen_beyond: self.supervision.frozen_beyond(),
-            };
-            let plan = policy::plan(&gathered, config, &surroundings, done);
+        let clock = Instant::now();
+        let densifies = schedule::densifies(self.config, done);
+        if let Some(plan) = self.plan(done, 0)? {
             self.rearrange(&plan, densifies, done)?;
         }
-        if schedule::resets_opacity(config, done) {
+        self.reset(done);
+        self.in_partner(|trainer| {
+            if let Some(plan) = trainer.plan(done, 1)? {
+                trainer.carry_out(&plan, densifies)?;
+            }
+            trainer.reset(done);
+            Ok(())
+        })?;
+        if schedule::removes_outliers(self.config, done) {
+            self.remove_outliers(done)?;
+        }
+        if partner::prunes(self.config, done) {
+            self.prune_apart(done)?;
+        }
+        self.seconds.densify += clock.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Decides which Gaussians of a set come and go after `done` iterations; `None` where that is not due.
+    fn plan(&self, done: u32, set: u64) -> Result<Option<Plan>> {
+        let config = self.config;
+        if !schedule::densifies(config, done) && !schedule::prunes_by_coverage(config, done) {
+            return Ok(None);
+        }
+        let gathered = self.optimizer.gather(self.gpu)?;
+        let surroundings = Surroundings {
+            coverage: &self.supervision.coverage,
+            extent: self.supervision.extent,
+            frozen_beyond: self.supervision.frozen_beyond(),
+            set,
+        };
+        Ok(Some(policy::plan(&gathered, config, &surroundings, done)))
+    }
+
+    /// Resets the opacities where that is due after `done` iterations.
+    fn reset(&self, done: u32) {
+        if schedule::resets_opacity(self.config, done) {
             self.optimizer.reset_opacity(
                 self.gpu,
                 &self.optimizer_kernels,
@@ -367,21 +470,25 @@ impl<'a> Trainer<'a> {
                 self.supervision.frozen_beyond(),
             );
         }
-        self.seconds.densify += clock.elapsed().as_secs_f64();
-        Ok(())
     }
 
     /// Carries out a plan after `done` iterations and notes it.
     pub(super) fn rearrange(&mut self, plan: &Plan, densifies: bool, done: u32) -> Result<()> {
-        self.unbind();
-        let kernels = &self.optimizer_kernels;
-        self.optimizer
-            .rearrange(self.gpu, kernels, plan, densifies)?;
+        self.carry_out(plan, densifies)?;
         self.plans.push(PlanRecord {
             iteration: done,
             n_gaussians: self.optimizer.model.n,
             counts: plan.counts,
         });
+        Ok(())
+    }
+
+    /// Carries out a plan.
+    pub(super) fn carry_out(&mut self, plan: &Plan, densifies: bool) -> Result<()> {
+        self.unbind();
+        let kernels = &self.optimizer_kernels;
+        self.optimizer
+            .rearrange(self.gpu, kernels, plan, densifies)?;
         self.fit_model()
     }
 }

@@ -16,7 +16,6 @@ use super::record::{PlanCounts, SignalPoint, Trim};
 use super::trainer::Trainer;
 use crate::error::Result;
 use crate::gaussians::ply::most_in;
-use crate::gpu::shader_count;
 
 /// Greatest share of the Gaussians that one pruning removes.
 const MOST_SHARE: f64 = 0.9;
@@ -164,18 +163,11 @@ impl Trainer<'_> {
         for &i in removed {
             stays[i] = false;
         }
-        let sources: Vec<u32> = (0..stays.len())
-            .filter(|&i| stays[i])
-            .map(shader_count)
-            .collect();
-        let plan = Plan {
-            changes: vec![[0.0; 4]; sources.len()],
-            sources,
-            counts: PlanCounts {
-                pruned_contribution: removed.len(),
-                ..PlanCounts::default()
-            },
+        let counts = PlanCounts {
+            pruned_contribution: removed.len(),
+            ..PlanCounts::default()
         };
+        let plan = Plan::of_those_that_stay(&stays, counts);
         self.rearrange(&plan, false, done)
     }
 }

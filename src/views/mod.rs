@@ -11,7 +11,7 @@ mod place;
 mod strategy;
 
 pub use draw::draw_without_replacement;
-pub use place::place;
+pub use place::{place, typical_intrinsics};
 pub use strategy::{enough, farthest_points, nearest_angle_weights, potential_weights};
 
 use glam::DVec3;

@@ -62,7 +62,10 @@ pub(super) fn mean_up(train: &[Camera]) -> DVec3 {
 
 /// Returns the most common training image size (the first of equals), the median focal lengths
 /// among the cameras that have it, and a centred principal point.
-pub(super) fn typical_intrinsics(train: &[Camera]) -> Result<Camera> {
+///
+/// # Errors
+/// No camera.
+pub fn typical_intrinsics(train: &[Camera]) -> Result<Camera> {
     let same_size = |a: &Camera, b: &Camera| (a.width, a.height) == (b.width, b.height);
     let mut typical: Option<(&Camera, usize)> = None;
     for camera in train {

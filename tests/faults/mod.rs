@@ -23,7 +23,7 @@ use serde_json::Value;
 use crate::kit::program::command;
 
 /// A training in which Gaussians are split, pruned and reset within a second or two.
-const SETTINGS: [&str; 24] = [
+const SETTINGS: [&str; 27] = [
     "iterations=60",
     "scene.max_points=100",
     "scene.n_test=1",
@@ -43,6 +43,9 @@ const SETTINGS: [&str; 24] = [
     "dropout.density_weight=0.5",
     "poses.refine=true",
     "shell.count=100",
+    "optimizer.confidence_gain=99",
+    "loss.far_weight=0.5",
+    "densify.outlier_interval=20",
     "need.hold_out=5",
     "need.interval=7",
     "need.settle_share=0.2",

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use gspotential::config::{Config, RasterizerChoice};
+use gspotential::config::{Config, Exp2Choice, RasterizerChoice};
 use gspotential::error::ErrorKind;
 use gspotential::eval::EvalOptions;
 use gspotential::gpu::Gpu;
@@ -20,6 +20,7 @@ fn job(scene: &Folder) -> TrainJob {
     config.iterations = 20;
     // As a run on this adapter has it.
     config.render.rasterizer = RasterizerChoice::Thread;
+    config.render.exp2 = Exp2Choice::Polynomial;
     config.densify.enabled = false;
     let source = SceneSource::Folder(scene.path().to_owned());
     TrainJob::new(source, config).expect("a job")

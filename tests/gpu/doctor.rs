@@ -6,7 +6,8 @@ use gspotential::doctor::loss::{Kind, LossCase, MaskKind};
 use gspotential::doctor::twin::cases::{cover, huge, random_scene};
 use gspotential::doctor::view::{COVERS, ORDINARY, ViewCase};
 use gspotential::doctor::{
-    Adapter, Context, Finding, RasterizerReport, Report, adam, changes, loss, stage, view,
+    Adapter, Context, Finding, RasterizerReport, Report, changes, examine_exp2, examine_treatments,
+    exchange, loss, marks, stage, view,
 };
 use gspotential::error::Result;
 use gspotential::gpu::shader::{STAGES, compose};
@@ -45,11 +46,15 @@ fn findings(ctx: &Context) -> Result<Vec<Finding>> {
     for case in view::extreme_cases() {
         findings.extend(view::examine(ctx, &case)?.0.list);
     }
+    findings.extend(examine_exp2(ctx)?.list);
     for mask in [None, Some(MaskKind::Any)] {
         let (size, kind) = ((33, 17), Kind::Noise);
         findings.extend(loss::examine(ctx, &LossCase { size, kind, mask })?.list);
     }
-    findings.extend(adam::examine(ctx, 1, 2, adam::FROZEN_BEYOND)?.list);
+    for masked in [false, true] {
+        findings.extend(marks::examine(ctx, (33, 17), masked)?.list);
+    }
+    findings.extend(examine_treatments(ctx)?);
     let plan = changes::random_plan(150, 333, 1);
     findings.extend(
         changes::examine_rearrange(
@@ -64,6 +69,7 @@ fn findings(ctx: &Context) -> Result<Vec<Finding>> {
         .list,
     );
     findings.extend(changes::examine_reset(ctx, 70)?.list);
+    findings.extend(exchange::examine(ctx, (33, 17))?.list);
     Ok(findings)
 }
 

@@ -6,6 +6,7 @@ mod determinism;
 mod dispatch;
 mod doctor;
 mod dropout;
+mod exp2;
 mod extremes;
 mod fixtures;
 mod limits;

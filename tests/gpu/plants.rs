@@ -45,7 +45,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-pub(crate) const PLANTS: [Plant; 53] = [
+pub(crate) const PLANTS: [Plant; 83] = [
     plant(
         "project",
         "+ DILATION;",
@@ -132,6 +132,12 @@ pub(crate) const PLANTS: [Plant; 53] = [
         stage::TILE_ORDER,
     ),
     plant(
+        "exp2",
+        "p = p * f + EXP2_C2;",
+        "p = p * f + 1.00001 * EXP2_C2;",
+        stage::EXP2,
+    ),
+    plant(
         "rasterize",
         "raw >= vec4f(ALPHA_MIN)",
         "raw >= vec4f(2.0 * ALPHA_MIN)",
@@ -189,6 +195,24 @@ pub(crate) const PLANTS: [Plant; 53] = [
         "radix_workgroup",
         "sort_half(thread.local, 20u);",
         "",
+        stage::RADIX_SORT_WORKGROUP,
+    ),
+    plant(
+        "radix_workgroup",
+        "sum_of_all << 16u",
+        "0u",
+        stage::RADIX_SORT_WORKGROUP,
+    ),
+    plant(
+        "radix_workgroup",
+        "digit_counts[row + at + 0u] = own;",
+        "digit_counts[row + at + 0u] = own + 1u;",
+        stage::RADIX_SORT_WORKGROUP,
+    ),
+    plant(
+        "radix_workgroup",
+        "let count_1 = digit_counts[DIGITS * n_blocks + own + 1u];",
+        "let count_1 = digit_counts[DIGITS * n_blocks + own];",
         stage::RADIX_SORT_WORKGROUP,
     ),
     plant(
@@ -253,6 +277,30 @@ pub(crate) const PLANTS: [Plant; 53] = [
         stage::LOSS,
     ),
     plant(
+        "ssim_workgroup",
+        "far_gradient(raw, x - goal_y)",
+        "weight * far_gradient(raw, goal_y - x)",
+        stage::LOSS_WORKGROUP,
+    ),
+    plant(
+        "ssim_workgroup",
+        "vec4u(24u)) > vec4u(0u)",
+        "vec4u(24u)) > vec4u(FAR_ALPHA)",
+        stage::LOSS_WORKGROUP,
+    ),
+    plant(
+        "ssim",
+        "== vec4u(FAR_ALPHA)",
+        ">= vec4u(FAR_ALPHA)",
+        stage::LOSS,
+    ),
+    plant(
+        "ssim",
+        "rendered[plane_index(view, 3u, at.x4, at.y + 7u)]",
+        "rendered[plane_index(view, 3u, at.x4, at.y + 6u)]",
+        stage::LOSS,
+    ),
+    plant(
         "loss_sum",
         "loss.mean_scale * sum.yx",
         "1.0001 * loss.mean_scale * sum.yx",
@@ -274,6 +322,12 @@ pub(crate) const PLANTS: [Plant; 53] = [
         "sum_pairs",
         "i < PAIR_BLOCK; i++",
         "i < PAIR_BLOCK - 1u; i++",
+        stage::SUM_PAIRS,
+    ),
+    plant(
+        "sum_pairs",
+        "sum_block(thread_index(thread) / PAIR_BLOCK, PAIR_BLOCK);",
+        "",
         stage::SUM_PAIRS,
     ),
     plant(
@@ -319,6 +373,90 @@ pub(crate) const PLANTS: [Plant; 53] = [
         stage::POSE_BACKWARD,
     ),
     plant(
+        "project_depth",
+        "s.y < least",
+        "s.y > least",
+        stage::PROJECT_DEPTH,
+    ),
+    plant(
+        "rasterize_depth",
+        "(*p).mode = select((*p).mode, vec4f(f.w), is_mode);",
+        "(*p).mode = select(vec4f(f.w), vec4f(f.w), is_mode);",
+        stage::RASTERIZE_DEPTH,
+    ),
+    plant(
+        "rasterize_depth",
+        "(next <= vec4f(0.5))",
+        "(next <= vec4f(0.4))",
+        stage::RASTERIZE_DEPTH,
+    ),
+    plant(
+        "rasterize_depth_workgroup",
+        "staged_depths[thread.local] = splat_depths[gaussian];",
+        "staged_depths[thread.local] = splat_depths[begin];",
+        stage::RASTERIZE_DEPTH_WORKGROUP,
+    ),
+    plant(
+        "depth_loss",
+        "let both = a.m * share;",
+        "let both = a.m;",
+        stage::DEPTH_LOSS,
+    ),
+    plant(
+        "depth_loss",
+        "+ offset - sign(error)",
+        "- sign(error)",
+        stage::DEPTH_LOSS,
+    ),
+    plant(
+        "depth_loss",
+        "-(s.x * s.x) * d_x",
+        "-s.x * d_x",
+        stage::DEPTH_LOSS,
+    ),
+    plant(
+        "rasterize_depth_backward",
+        "select(-t * fourth, fourth, goes_on)",
+        "select(t * fourth, fourth, goes_on)",
+        stage::RASTERIZE_DEPTH_BACKWARD,
+    ),
+    plant(
+        "rasterize_depth_backward",
+        "d_pair_a[pair] += vec4f(sum_v,",
+        "d_pair_a[pair] = vec4f(sum_v,",
+        stage::RASTERIZE_DEPTH_BACKWARD,
+    ),
+    plant(
+        "rasterize_depth_backward",
+        "(of_median + of_mode)",
+        "of_median",
+        stage::RASTERIZE_DEPTH_BACKWARD,
+    ),
+    plant(
+        "rasterize_depth_backward_workgroup",
+        "d_pair_b[pair] += sum;",
+        "d_pair_b[pair] = sum;",
+        stage::RASTERIZE_DEPTH_BACKWARD_WORKGROUP,
+    ),
+    plant(
+        "rasterize_depth_backward_workgroup",
+        "let part = local % 3u;",
+        "let part = min(local % 3u, 1u);",
+        stage::RASTERIZE_DEPTH_BACKWARD_WORKGROUP,
+    ),
+    plant(
+        "project_depth_backward",
+        "i < PAIR_BLOCK; i++",
+        "i < PAIR_BLOCK - 1u; i++",
+        stage::PROJECT_DEPTH_BACKWARD,
+    ),
+    plant(
+        "project_depth_backward",
+        "n.side * (d.x",
+        "(d.x",
+        stage::PROJECT_DEPTH_BACKWARD,
+    ),
+    plant(
         "adam",
         "step.new_share_2 * (gradient * gradient)",
         "step.new_share_1 * (gradient * gradient)",
@@ -331,6 +469,19 @@ pub(crate) const PLANTS: [Plant; 53] = [
         stage::ADAM,
     ),
     plant("adam", " - step.views[0].center_low", "", stage::ADAM),
+    plant(
+        "adam",
+        "1.0 + statistics[id].w;",
+        "statistics[id].w;",
+        stage::ADAM,
+    ),
+    plant("adam", ", plane == 0u);", ", plane == 1u);", stage::ADAM),
+    plant(
+        "rearrange",
+        "vec4f(vec3f(0.0), value.w)",
+        "vec4f(0.0)",
+        stage::REARRANGE,
+    ),
     plant(
         "rearrange",
         "new_planes[plane * rearrange.new_stride + id]",
@@ -349,4 +500,18 @@ pub(crate) const PLANTS: [Plant; 53] = [
         "second_moment[id].x = 0.0;",
         stage::RESET_OPACITY,
     ),
+    plant(
+        "exchange",
+        "color * LEVEL_MAX + 0.5",
+        "color * LEVEL_MAX",
+        stage::EXCHANGE,
+    ),
+    plant(
+        "exchange",
+        "levels(2u, i) << vec4u(16u)",
+        "levels(1u, i) << vec4u(16u)",
+        stage::EXCHANGE,
+    ),
+    plant("exchange", "| vec4u(0xff000000u)", "", stage::EXCHANGE),
+    plant("exchange", "min(a, b) == 0u", "a == 0u", stage::EXCHANGE),
 ];

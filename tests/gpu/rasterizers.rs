@@ -6,8 +6,8 @@ use gspotential::config::{Config, RasterizerChoice};
 use gspotential::doctor::determinism::repeat;
 use gspotential::doctor::view::{ViewCase, extreme_cases, large_cases, small_cases};
 use gspotential::doctor::{Context, Rig};
-use gspotential::gpu::{Gpu, Rasterizer};
-use gspotential::render::Rendered;
+use gspotential::gpu::{Exp2, Gpu, Rasterizer};
+use gspotential::render::{Rendered, rasterizer_for};
 
 use super::rig::context_of;
 use crate::kit::program::succeed;
@@ -71,6 +71,37 @@ fn the_choice_follows_the_adapters_kind_unless_it_is_stated() {
 }
 
 #[test]
+fn a_cpu_takes_the_larger_tiles_where_small_ones_have_more_pairs_than_fit() {
+    use RasterizerChoice::{Auto, Thread, Workgroup};
+    let mut gpu = Gpu::open().expect("an adapter");
+    gpu.limits.max_storage_buffer_binding_size = 128 << 20;
+    let hd = 1600 * 1067;
+    for (kind, n, pixels, expected) in [
+        (wgpu::DeviceType::Cpu, 30_000, hd, Rasterizer::Thread),
+        (wgpu::DeviceType::Cpu, 300_000, hd, Rasterizer::Workgroup),
+        (wgpu::DeviceType::Cpu, 1_000_000, hd, Rasterizer::Workgroup),
+        (
+            wgpu::DeviceType::Cpu,
+            1_000_000,
+            320 * 213,
+            Rasterizer::Thread,
+        ),
+        (
+            wgpu::DeviceType::DiscreteGpu,
+            9_000,
+            160 * 107,
+            Rasterizer::Workgroup,
+        ),
+    ] {
+        gpu.info.device_type = kind;
+        let of = |choice| rasterizer_for(choice, &gpu, n, pixels);
+        assert_eq!(of(Auto), expected, "{kind:?}, {n}, {pixels}");
+        assert_eq!(of(Thread), Rasterizer::Thread);
+        assert_eq!(of(Workgroup), Rasterizer::Workgroup);
+    }
+}
+
+#[test]
 fn every_tile_of_any_image_has_a_slot() {
     for rasterizer in Rasterizer::ALL {
         let [width, height] = rasterizer.tile();
@@ -111,7 +142,7 @@ fn a_run_records_the_rasterizer_it_was_trained_with() {
         ("ruled", String::new(), by_rule),
         (
             "stated",
-            "--set render.rasterizer=workgroup".to_owned(),
+            "--set render.rasterizer=workgroup --set render.exp2=adapter".to_owned(),
             Rasterizer::Workgroup,
         ),
     ] {
@@ -123,6 +154,9 @@ fn a_run_records_the_rasterizer_it_was_trained_with() {
         let root = folder.path().join(out);
         let config = Config::from_file(&root.join("config.json")).expect("a config");
         assert_eq!(config.render.rasterizer, expected.choice());
+        let gpu = Gpu::open().expect("an adapter");
+        let exp2 = Exp2::of(config.render.exp2, &gpu).expect("computes");
+        assert_eq!(config.render.exp2, exp2.choice());
         let metrics = fs::read(root.join("metrics.json")).expect("a file");
         let metrics: serde_json::Value = serde_json::from_slice(&metrics).expect("JSON");
         assert_eq!(metrics["rasterizer"], expected.to_string());

@@ -10,7 +10,8 @@ use gspotential::doctor::twin::{project, raster};
 use gspotential::gpu::constants;
 use gspotential::gpu::shader::{STAGES, compose};
 use gspotential::render::{
-    BinUniform, LossUniform, RadixUniform, ScanUniform, SliceUniform, Splat, ViewUniform,
+    BinUniform, DepthLossUniform, LossUniform, RadixUniform, ScanUniform, SliceUniform, Splat,
+    ViewUniform,
 };
 use gspotential::train::optimizer::{RearrangeUniform, ResetUniform, StepUniform, StepView};
 
@@ -56,14 +57,19 @@ fn host_layouts() -> BTreeMap<&'static str, Layout> {
         (
             "Loss",
             layout!(LossUniform: l1_scale, ssim_scale, masked, mean_scale, slot, n_partials,
-                pad_0, pad_1),
+                far_scale, silhouette_scale),
+        ),
+        (
+            "DepthLoss",
+            layout!(DepthLossUniform: weight, patch_weight, normal_weight, kind, plane, inverse,
+                patch_vectors, normals),
         ),
         ("Scan", layout!(ScanUniform: n, total, capacity, step)),
         ("Radix", layout!(RadixUniform: n, pairs, shift, pad)),
         (
             "Step",
             layout!(StepUniform: views, geometry_rates, sh_0_rate, sh_rate, beta_1, beta_2,
-                new_share_1, new_share_2, correction_1, correction_2, epsilon, frozen_beyond,
+                new_share_1, new_share_2, correction_1, correction_2, epsilon, own_rates, frozen_beyond,
                 n_gaussians, stride),
         ),
         (

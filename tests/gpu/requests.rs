@@ -3,7 +3,7 @@
 use gspotential::config::Config;
 use gspotential::doctor::twin::cases::{cameras, random_scene};
 use gspotential::doctor::{gaussians_of, view_of};
-use gspotential::gpu::{Commands, Gpu, Requests};
+use gspotential::gpu::{Commands, Gpu, Rasterizer, Requests};
 use gspotential::render::{Kernels, Targets};
 use gspotential::train::{Supervision, Trainer, train};
 
@@ -23,14 +23,15 @@ fn kept(mib: u32) -> Config {
     config
 }
 
-fn requests_of_a_step(gpu: &Gpu, config: &Config) -> Requests {
+/// What a step asks that comes after `done` others.
+fn requests_of_a_step(gpu: &Gpu, kernels: &Kernels, config: &Config, done: u32) -> Requests {
     let start = gaussians_of(&random_scene(300, 1, 50).gaussians, 1);
-    let (kernels, supervision) = (Kernels::new(gpu), supervision());
-    let trainer = Trainer::new(gpu, &kernels, &start, &supervision, config);
+    let supervision = supervision();
+    let trainer = Trainer::new(gpu, kernels, &start, &supervision, config);
     let mut trainer = trainer.expect("fits");
     trainer.step(0, None);
     let before = gpu.requests();
-    trainer.step(1, None);
+    trainer.step(done, None);
     gpu.wait().expect("no fault");
     let after = gpu.requests();
     Requests {
@@ -43,15 +44,21 @@ fn requests_of_a_step(gpu: &Gpu, config: &Config) -> Requests {
 #[test]
 fn a_step_opens_few_passes_and_writes_little() {
     let gpu = &context().gpu;
-    let resident = requests_of_a_step(gpu, &kept(1));
-    // A view clears the tiles' ranges in between.
-    assert_eq!(resident.passes, 3);
-    assert!(resident.dispatches > 60, "{resident:?}");
-    // Uniforms and loss of two views, and Adam's.
-    assert_eq!(resident.writes, 5);
-    let uploaded = requests_of_a_step(gpu, &kept(0));
-    assert_eq!(uploaded.writes, 7, "two target images more");
-    assert_eq!(uploaded.dispatches, resident.dispatches);
+    // Lists are short here: each scan of counts is one dispatch.
+    for (rasterizer, dispatches) in [(Rasterizer::Thread, 98), (Rasterizer::Workgroup, 58)] {
+        let kernels = Kernels::with(rasterizer);
+        let resident = requests_of_a_step(gpu, &kernels, &kept(1), 1);
+        assert_eq!(resident.passes, 1);
+        assert_eq!(resident.dispatches, dispatches, "{rasterizer}");
+        // Uniforms and loss of two views, and Adam's.
+        assert_eq!(resident.writes, 5);
+        let uploaded = requests_of_a_step(gpu, &kernels, &kept(0), 1);
+        assert_eq!(uploaded.writes, 7, "two target images more");
+        assert_eq!(uploaded.dispatches, resident.dispatches);
+        // The loss is sampled after the last step, and its parts are summed up in two dispatches a view.
+        let last = requests_of_a_step(gpu, &kernels, &kept(1), 2);
+        assert_eq!(last.dispatches, resident.dispatches + 4);
+    }
 }
 
 #[test]
@@ -119,4 +126,24 @@ fn pipelines_are_compiled_when_they_are_dispatched() {
     assert!(used.is_compiled());
     commands.submit();
     assert!(!unused.is_compiled());
+}
+
+#[test]
+fn kernels_prepared_beforehand_are_those_of_the_first_step_and_train_the_same() {
+    let gpu = &context().gpu;
+    let start = gaussians_of(&random_scene(300, 1, 50).gaussians, 1);
+    for rasterizer in Rasterizer::ALL {
+        let [plain, prepared] = [0, 1].map(|_| Kernels::with(rasterizer));
+        prepared.prepare(gpu);
+        assert!(prepared.of_first_step().iter().all(|k| k.is_compiled()));
+        gpu.wait().expect("no fault");
+        let trained = [&plain, &prepared].map(|kernels| {
+            let supervision = supervision();
+            let trained = train(gpu, kernels, &start, &supervision, &kept(0), &mut ());
+            trained.expect("trains")
+        });
+        // All that was prepared is used.
+        assert!(plain.of_first_step().iter().all(|k| k.is_compiled()));
+        assert!(trained[0].gaussians == trained[1].gaussians, "{rasterizer}");
+    }
 }

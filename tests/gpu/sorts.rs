@@ -3,6 +3,7 @@
 use gspotential::doctor::twin::cases::{cameras, random_scene};
 use gspotential::doctor::twin::random::Random;
 use gspotential::doctor::{Context, Rig, gaussians_of, view_of};
+use gspotential::gaussians::Gaussians;
 use gspotential::gpu::constants::{
     GROUP_RADIX_CHUNK, RADIX_CHUNK, SCAN_CHUNK, SCAN_FEW, WORKGROUP,
 };
@@ -13,6 +14,9 @@ use super::rig::context_of;
 
 /// Counts that one workgroup scans alone.
 const FEW: usize = (SCAN_FEW * SCAN_CHUNK * WORKGROUP) as usize;
+
+/// Entries of a sort by workgroups whose digits are scanned in more than one round.
+const MANY: usize = 4 * (WORKGROUP * GROUP_RADIX_CHUNK) as usize + 1;
 
 /// Around a vector of counts, a chunk, a block, and the most that are scanned in one dispatch.
 const SIZES: [usize; 13] = [
@@ -39,7 +43,18 @@ fn every_size() -> impl Iterator<Item = (Rasterizer, usize)> {
 
 /// A rig with room for `n` Gaussians, whatever they are.
 fn rig(ctx: &Context, n: usize) -> Rig {
-    let gaussians = gaussians_of(&random_scene(n, 0, 3).gaussians, 0);
+    let few = gaussians_of(&random_scene(64, 0, 3).gaussians, 0);
+    let again = || (0..n).map(|i| i % 64);
+    let gaussians = Gaussians {
+        means: again().map(|i| few.means[i]).collect(),
+        scales_log: again().map(|i| few.scales_log[i]).collect(),
+        rotations_wxyz: again().map(|i| few.rotations_wxyz[i]).collect(),
+        opacity_logits: again().map(|i| few.opacity_logits[i]).collect(),
+        sh: again()
+            .flat_map(|i| few.sh[3 * i..][..3].to_vec())
+            .collect(),
+        sh_degree: 0,
+    };
     Rig::new(ctx, &gaussians, view_of(&cameras()[0]), 0).expect("fits")
 }
 
@@ -87,7 +102,7 @@ fn a_total_beyond_32_bits_is_the_largest_number_and_too_many() {
 
 #[test]
 fn sorts_of_all_sizes_are_stable() {
-    for (rasterizer, n) in every_size() {
+    for (rasterizer, n) in every_size().chain([(Rasterizer::Workgroup, MANY)]) {
         let ctx = context_of(rasterizer);
         let rig = rig(&ctx, n);
         let mut random = Random::new(n as u64);

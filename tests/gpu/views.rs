@@ -8,9 +8,11 @@ use gspotential::doctor::twin::cases::{
 use gspotential::doctor::twin::raster::{backward, render};
 use gspotential::doctor::twin::tolerance;
 use gspotential::doctor::view::{Bounds, COVERS, NEEDLES, ORDINARY, ViewCase, examine};
-use gspotential::doctor::{Findings, Rig, gaussians_of, stage, view_of};
-use gspotential::gpu::{Commands, Rasterizer};
-use gspotential::render::{Bound, Capacity, Model, Pass, PassStep, Workspace};
+use gspotential::doctor::{Context, Findings, Rig, gaussians_of, stage, view_of};
+use gspotential::gaussians::Gaussians;
+use gspotential::gpu::shader::compose;
+use gspotential::gpu::{Commands, Gpu, Rasterizer};
+use gspotential::render::{Bound, Capacity, Model, Pass, PassStep, ViewUniform, Workspace};
 
 use super::rig::{assert_findings, assert_held, context, context_of};
 
@@ -122,6 +124,50 @@ fn layers_of_equal_depth_match_the_reference() {
 #[test]
 fn needles_match_the_reference() {
     hold_case("needles", &needles(80, 8), &[(160, 104)], NEEDLES);
+}
+
+/// Returns where the lists of the last of these views begin and end, rendered one after the other in the same buffers.
+fn ranges_after(ctx: &Context, gaussians: &Gaussians, views: &[ViewUniform]) -> Vec<[u32; 2]> {
+    let mut rig = Rig::new(ctx, gaussians, views[0], 0).expect("fits");
+    rig.forward(ctx).expect("renders");
+    for view in views {
+        rig.view = *view;
+        let mut commands = Commands::new(&ctx.gpu);
+        commands.clear(rig.buffer("totals"));
+        rig.pass(ctx).forward(&mut commands);
+        commands.submit();
+    }
+    let n_tiles = ctx.kernels.rasterizer.n_tiles(rig.view.size);
+    rig.read(ctx, "tile_ranges", n_tiles).expect("readable")
+}
+
+#[test]
+fn a_tile_without_splats_keeps_no_list_of_an_earlier_view() {
+    let case = random_scene(400, 0, 3);
+    let gaussians = gaussians_of(&case.gaussians, 0);
+    let whole = case.cameras[0].resized(160, 104);
+    let mut half = whole.clone();
+    // All Gaussians move to the right.
+    half.cx += 100.0;
+    let [whole, half] = [whole, half].each_ref().map(view_of);
+    let after_and_alone = |ctx: &Context| {
+        [&[whole, half][..], &[half]].map(|views| ranges_after(ctx, &gaussians, views))
+    };
+    for rasterizer in Rasterizer::ALL {
+        let [after, alone] = after_and_alone(&context_of(rasterizer));
+        assert!(after == alone, "{rasterizer}");
+        let n_empty = alone.iter().filter(|range| range[0] == range[1]).count();
+        assert!((10..alone.len() - 10).contains(&n_empty), "{n_empty}");
+        // The comparison sees a list that is left.
+        let planted = |stage: &str, degree: u32| {
+            let source = compose(stage, degree);
+            source.replace("].tile != tile)", "].tile == NO_TILE)")
+        };
+        assert_ne!(planted("tile_ranges", 0), compose("tile_ranges", 0));
+        let gpu = Gpu::open().expect("an adapter");
+        let [after, alone] = after_and_alone(&Context::from_sources(gpu, rasterizer, &planted));
+        assert!(after != alone, "{rasterizer}");
+    }
 }
 
 #[test]

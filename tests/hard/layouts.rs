@@ -57,6 +57,7 @@ fn photographed(poses: &[(DVec3, DVec3)]) -> Scene {
                 image: render(&camera),
                 camera,
                 mask: None,
+                prior: None,
             }
         })
         .collect();

@@ -197,6 +197,7 @@ pub(crate) fn noise_supervision(camera: &TwinCamera) -> Supervision {
         extent: 1.0,
         near: camera.near,
         shell: None,
+        position_gains: Vec::new(),
     }
 }
 

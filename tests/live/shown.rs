@@ -52,6 +52,7 @@ pub(super) fn look(live: &Live, iteration: u32) {
         loss: 0.25,
         real: part,
         virt: None,
+        depths: None,
     };
     live.look(&sample, 1, 75.0);
 }

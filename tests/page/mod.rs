@@ -73,6 +73,7 @@ pub(crate) fn photograph(name: &str) -> View {
         camera: camera(name, 0.4),
         image: plain([10, 10, 200]),
         mask: None,
+        prior: None,
     }
 }
 
@@ -113,6 +114,7 @@ pub(crate) fn metrics(name: &str) -> Metrics {
         loss: 0.2,
         real: part,
         virt: Some(part),
+        depths: None,
     };
     let curve = |iteration, psnr| CurvePoint {
         iteration,
@@ -138,6 +140,7 @@ pub(crate) fn metrics(name: &str) -> Metrics {
             n_points: 1,
             cloud_crc32: None,
             thumbnails: None,
+            virtual_images: None,
             carved_points: None,
             pose_protocol: PoseProtocol::SharedFrame,
         },

@@ -1,7 +1,7 @@
 //! The losses against values worked out by hand and central differences; Adam.
 
 use gspotential::doctor::twin::adam::TwinAdam;
-use gspotential::doctor::twin::loss::{TwinLoss, loss, window};
+use gspotential::doctor::twin::loss::{TwinLoss, far_l1, loss, silhouette, window};
 use gspotential::doctor::twin::random::Random;
 use gspotential::doctor::twin::tolerance;
 
@@ -72,6 +72,60 @@ fn loss_gradients_match_central_differences() {
     for ssim_weight in [0.2, 1.0] {
         check(None, ssim_weight, 1);
     }
+}
+
+#[test]
+fn losses_of_marked_pixels_match_values_by_hand_and_central_differences() {
+    // Off by 0.5, 0.25 and 0.125 in the channels of the second of two pixels.
+    let (render, target) = (
+        [0.9, 0.9, 0.9, 0.5, 0.75, 0.0],
+        [0.1, 0.1, 0.1, 0.0, 0.5, 0.125],
+    );
+    let (l1, gradient) = far_l1(&render, &target, &[false, true]);
+    assert_eq!(l1, (0.5 + 0.25 + 0.125) / 3.0);
+    let third = 1.0 / 3.0;
+    assert_eq!(gradient, [0.0, 0.0, 0.0, third, third, -third]);
+    assert_eq!(far_l1(&render, &target, &[false; 2]), (0.0, vec![0.0; 6]));
+    // -ln 1/2 and -ln 3/4, halved.
+    let (entropy, _) = silhouette(&[0.5, 0.25], &[true, false]);
+    assert!((entropy - 0.5 * (2f64.ln() + (4.0 / 3.0_f64).ln())).abs() < 1e-15);
+
+    let (x, y) = images(4);
+    let far: Vec<bool> = (0..W * H).map(|i| i % 3 == 0).collect();
+    let differences: Vec<f64> = (0..x.len())
+        .map(|i| {
+            central_difference(|h| {
+                let mut moved = x.clone();
+                moved[i] += h;
+                far_l1(&moved, &y, &far).0
+            })
+        })
+        .collect();
+    let (_, gradient) = far_l1(&x, &y, &far);
+    assert_relative_l2(
+        "far pixels",
+        &gradient,
+        &differences,
+        tolerance::FINITE_DIFFERENCE,
+    );
+    let mut random = Random::new(5);
+    let opacity: Vec<f64> = (0..40).map(|_| random.uniform(0.02, 0.98)).collect();
+    let differences: Vec<f64> = (0..opacity.len())
+        .map(|i| {
+            central_difference(|h| {
+                let mut moved = opacity.clone();
+                moved[i] += h;
+                silhouette(&moved, &far[..40]).0
+            })
+        })
+        .collect();
+    let (_, gradient) = silhouette(&opacity, &far[..40]);
+    assert_relative_l2(
+        "silhouette",
+        &gradient,
+        &differences,
+        tolerance::FINITE_DIFFERENCE,
+    );
 }
 
 #[test]

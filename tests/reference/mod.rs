@@ -5,6 +5,7 @@ pub(crate) mod fixture;
 pub(crate) mod npy;
 
 mod comparison;
+mod depth;
 mod fixtures;
 mod loss;
 mod pose;

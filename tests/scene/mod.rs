@@ -14,6 +14,7 @@ mod masks;
 mod model;
 mod npy;
 mod ply;
+mod priors;
 mod real;
 mod split;
 mod transforms;

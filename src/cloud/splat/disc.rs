@@ -26,6 +26,11 @@ impl Disc {
         }
     }
 
+    /// Returns the place of its middle, pixels.
+    pub(crate) fn center(&self) -> [f64; 2] {
+        self.center
+    }
+
     /// Visits the pixels of `camera`'s image whose centres lie within the disc, row by row, with
     /// the weight of the point there, `(1 - d^2 / (2 r^2))^2` at the distance `d`: 1 in the middle,
     /// a quarter on the rim.
@@ -81,10 +86,7 @@ impl Blend {
         points.discs(camera, config.max_radius_px, near, |point, disc| {
             let [r, g, b] = colors[point].map(f32::from);
             disc.pixels(camera, |pixel, weight| {
-                let is_front = z_buffer
-                    .winner(pixel)
-                    .is_some_and(|front| f64::from(disc.depth) <= f64::from(front.depth) * share);
-                if is_front {
+                if z_buffer.is_front(pixel, disc.depth, share) {
                     let sum = &mut self.sums[pixel];
                     let added = [weight * r, weight * g, weight * b, weight];
                     *sum = std::array::from_fn(|i| sum[i] + added[i]);

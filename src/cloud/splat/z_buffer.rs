@@ -49,6 +49,13 @@ impl ZBuffer {
         self.keys.iter().map(|key| winner(*key))
     }
 
+    /// Returns whether something of this depth lies at most at `share` times the depth of the pixel's
+    /// nearest point.
+    pub(crate) fn is_front(&self, pixel: usize, depth: f32, share: f64) -> bool {
+        let nearest = self.winner(pixel);
+        nearest.is_some_and(|front| f64::from(depth) <= f64::from(front.depth) * share)
+    }
+
     /// Returns the nearest point of a pixel.
     pub(crate) fn winner(&self, pixel: usize) -> Option<Winner> {
         winner(self.keys[pixel])

@@ -20,6 +20,38 @@ pub struct TwinLoss {
     pub d_render: Vec<f64>,
 }
 
+/// Returns the mean of `|render - target|` over the `far` pixels and its gradient to the render; both images
+/// are `height * width * 3`. Without such pixels both are 0.
+pub fn far_l1(render: &[f64], target: &[f64], far: &[bool]) -> (f64, Vec<f64>) {
+    let total = 3.0 * far.iter().filter(|far| **far).count() as f64;
+    let mut d_render = vec![0.0; render.len()];
+    let mut sum = 0.0;
+    for i in (0..render.len()).filter(|i| far[i / 3]) {
+        let difference = render[i] - target[i];
+        sum += difference.abs();
+        if difference != 0.0 {
+            d_render[i] = difference.signum() / total;
+        }
+    }
+    (sum / total.max(1.0), d_render)
+}
+
+/// Returns the mean binary cross-entropy between the opacity of every pixel and whether it shows the subject,
+/// and its gradient to the opacities, which lie between 0 and 1.
+pub fn silhouette(opacity: &[f64], subject: &[bool]) -> (f64, Vec<f64>) {
+    let n = opacity.len() as f64;
+    let pixels = opacity.iter().zip(subject);
+    let entropy = pixels.clone().map(|(a, shows)| match shows {
+        true => -a.ln(),
+        false => -(1.0 - a).ln(),
+    });
+    let gradient = pixels.map(|(a, shows)| match shows {
+        true => -1.0 / (a * n),
+        false => 1.0 / ((1.0 - a) * n),
+    });
+    (entropy.sum::<f64>() / n, gradient.collect())
+}
+
 /// Returns the 11x11 Gaussian window of sigma 1.5, sum 1, row-major.
 pub fn window() -> Vec<f64> {
     let mut weights: Vec<f64> = (-RADIUS..=RADIUS)

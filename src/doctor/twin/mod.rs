@@ -10,6 +10,8 @@ pub mod adam;
 pub mod bin;
 pub mod cases;
 pub mod compare;
+pub mod depth;
+pub mod depth_loss;
 pub mod dropout;
 pub mod field;
 pub mod linalg;

@@ -27,7 +27,7 @@ pub struct RawGradient {
 }
 
 /// Returns the rotation matrix of a unit quaternion.
-fn rotation_matrix([w, x, y, z]: [f64; 4]) -> Mat3 {
+pub(super) fn rotation_matrix([w, x, y, z]: [f64; 4]) -> Mat3 {
     [
         [
             1.0 - 2.0 * (y * y + z * z),
@@ -48,7 +48,7 @@ fn rotation_matrix([w, x, y, z]: [f64; 4]) -> Mat3 {
 }
 
 /// Returns the gradient to the unit quaternion's components, each taken as free.
-fn rotation_matrix_backward([w, x, y, z]: [f64; 4], d: &Mat3) -> [f64; 4] {
+pub(super) fn rotation_matrix_backward([w, x, y, z]: [f64; 4], d: &Mat3) -> [f64; 4] {
     let skew = [d[2][1] - d[1][2], d[0][2] - d[2][0], d[1][0] - d[0][1]];
     let (xy, xz, yz) = (d[0][1] + d[1][0], d[0][2] + d[2][0], d[1][2] + d[2][1]);
     [

@@ -6,7 +6,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use super::linalg::{Vec3, dot};
 
 /// Returns the f64 of the nearest f32.
-pub(super) fn f32_exact(x: f64) -> f64 {
+pub fn f32_exact(x: f64) -> f64 {
     f64::from(x as f32)
 }
 

@@ -15,7 +15,7 @@ pub const ALPHA_MIN: f64 = 1.0 / 255.0;
 pub const TRANSMITTANCE_MIN: f64 = 1e-4;
 
 /// Image rows that one task accumulates: fixed, so that sums do not depend on the threads.
-const BAND: usize = 16;
+pub(super) const BAND: usize = 16;
 
 /// A rendered view; per-pixel arrays are row-major from the top.
 #[derive(Clone, Debug)]
@@ -34,7 +34,7 @@ pub struct TwinRender {
 }
 
 /// A splat that takes part, with a bound of where it can reach `alpha = 1/255`.
-struct Active {
+pub(super) struct Active {
     id: usize,
     splat: TwinSplat,
     /// Half the bounding box of the ellipse on which alpha falls below the threshold, pixels.
@@ -42,15 +42,15 @@ struct Active {
 }
 
 /// One blended Gaussian at one pixel.
-struct Blend {
-    id: usize,
-    splat: TwinSplat,
+pub(super) struct Blend {
+    pub(super) id: usize,
+    pub(super) splat: TwinSplat,
     delta: [f64; 2],
     /// `exp(-q / 2)`.
     falloff: f64,
-    alpha: f64,
+    pub(super) alpha: f64,
     /// Before this Gaussian.
-    transmittance: f64,
+    pub(super) transmittance: f64,
 }
 
 /// Returns valid splats by increasing depth, equal depths by index.
@@ -62,7 +62,7 @@ pub fn depth_order(splats: &[TwinSplat]) -> Vec<usize> {
 
 /// Returns splats that can reach `1/255` less the tolerance somewhere: `q <= 2 ln(255 o)`, the box
 /// of which is `sqrt(q cov)` in each axis.
-fn active(splats: &[TwinSplat], tolerance: f64) -> Vec<Active> {
+pub(super) fn active(splats: &[TwinSplat], tolerance: f64) -> Vec<Active> {
     depth_order(splats)
         .into_iter()
         .filter_map(|id| {
@@ -76,7 +76,7 @@ fn active(splats: &[TwinSplat], tolerance: f64) -> Vec<Active> {
 
 /// Walks one pixel front to back. Leaves what was blended in `blends`; returns the final
 /// transmittance and whether a decision was close.
-fn walk(
+pub(super) fn walk(
     row: &[&Active],
     (x, y): (usize, usize),
     tolerance: f64,
@@ -125,7 +125,7 @@ fn walk(
 }
 
 /// Returns the active splats whose box meets the pixel centres of row `y`.
-fn row_of(active: &[Active], y: usize) -> Vec<&Active> {
+pub(super) fn row_of(active: &[Active], y: usize) -> Vec<&Active> {
     active
         .iter()
         .filter(|s| (y as f64 + 0.5 - s.splat.mean2d[1]).abs() <= s.extent[1])
@@ -246,18 +246,23 @@ fn pixel_backward(
         let own = dot(&blend.splat.rgb, &d_color);
         let d = blend.transmittance * own - behind / (1.0 - blend.alpha);
         behind += weight * own;
-        if blend.splat.opacity * blend.falloff > ALPHA_MAX {
-            continue;
-        }
-        sum[8] += blend.falloff * d;
-        let d_q = -0.5 * blend.alpha * d;
-        let [a, b, c] = blend.splat.conic;
-        let [dx, dy] = blend.delta;
-        // delta = pixel - mean2d, hence the sign.
-        sum[0] -= d_q * 2.0 * (a * dx + b * dy);
-        sum[1] -= d_q * 2.0 * (b * dx + c * dy);
-        sum[2] += d_q * dx * dx;
-        sum[3] += d_q * 2.0 * dx * dy;
-        sum[4] += d_q * dy * dy;
+        alpha_backward(blend, d, sum);
     }
+}
+
+/// Adds what the gradient `d` to a splat's alpha at a pixel is to the splat.
+pub(super) fn alpha_backward(blend: &Blend, d: f64, sum: &mut SplatGradient) {
+    if blend.splat.opacity * blend.falloff > ALPHA_MAX {
+        return;
+    }
+    sum[8] += blend.falloff * d;
+    let d_q = -0.5 * blend.alpha * d;
+    let [a, b, c] = blend.splat.conic;
+    let [dx, dy] = blend.delta;
+    // delta = pixel - mean2d, hence the sign.
+    sum[0] -= d_q * 2.0 * (a * dx + b * dy);
+    sum[1] -= d_q * 2.0 * (b * dx + c * dy);
+    sum[2] += d_q * dx * dx;
+    sum[3] += d_q * 2.0 * dx * dy;
+    sum[4] += d_q * dy * dy;
 }

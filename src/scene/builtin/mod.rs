@@ -1,5 +1,5 @@
 //! The built-in scene is a still life that the program ray-traces itself, at any size, with exact
-//! geometry and a cloud like DUSt3R's.
+//! geometry and a cloud like DUSt3R's; a second one is a single [`object`] with its masks.
 //!
 //! World frame: z up, unit of length about half the arrangement's height, floor at `z = 0`,
 //! everything inside a dome of radius [`DOME_RADIUS`]. Everything is a function of the options
@@ -7,6 +7,7 @@
 
 mod cloud;
 mod noise;
+mod object;
 mod shapes;
 mod still_life;
 mod texture;
@@ -19,6 +20,7 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 pub use cloud::{Imperfections, is_depth_edge, point_cloud};
+pub use object::object;
 pub use still_life::DOME_RADIUS;
 pub use trace::{Hit, Traced, render, surface_distance, trace, unproject};
 
@@ -70,16 +72,8 @@ impl Default for BuiltinOptions {
 /// Makes the scene: 4 training views on an uneven ring, `n_test` test views over the upper
 /// hemisphere, and the cloud.
 pub fn scene(options: &BuiltinOptions) -> Scene {
-    let width = options.width.clamp(*WIDTHS.start(), *WIDTHS.end());
     let mut warnings = Vec::new();
-    if width != options.width {
-        warnings.push(format!(
-            "built-in scene: width {} px changed to {width} px; it is made {} to {} px wide",
-            options.width,
-            WIDTHS.start(),
-            WIDTHS.end()
-        ));
-    }
+    let width = width_of(options, &mut warnings);
     let cameras = train_cameras(width);
     let all = [cameras.clone(), cameras_between(width)].concat();
     let n_cloud = options
@@ -101,6 +95,7 @@ pub fn scene(options: &BuiltinOptions) -> Scene {
             camera,
             image: traced.image,
             mask: None,
+            prior: None,
         })
         .collect();
     let test = test_cameras(width, options.n_test)
@@ -109,6 +104,7 @@ pub fn scene(options: &BuiltinOptions) -> Scene {
             image: render(&camera),
             camera,
             mask: None,
+            prior: None,
         })
         .collect();
     Scene {
@@ -121,6 +117,20 @@ pub fn scene(options: &BuiltinOptions) -> Scene {
         pose_protocol: PoseProtocol::SharedFrame,
         warnings,
     }
+}
+
+/// Returns the width that a scene is made at, and tells `warnings` if it is not the one asked for.
+fn width_of(options: &BuiltinOptions, warnings: &mut Vec<String>) -> u32 {
+    let width = options.width.clamp(*WIDTHS.start(), *WIDTHS.end());
+    if width != options.width {
+        warnings.push(format!(
+            "built-in scene: width {} px changed to {width} px; it is made {} to {} px wide",
+            options.width,
+            WIDTHS.start(),
+            WIDTHS.end()
+        ));
+    }
+    width
 }
 
 /// The training cameras: azimuth and elevation in degrees, distance, and how far the aim is off
@@ -202,6 +212,18 @@ fn around(
     distance: f64,
     aim: DVec3,
 ) -> Camera {
+    let at = (azimuth, elevation, distance);
+    looking_from(width, name, (CENTER, at), CENTER + aim)
+}
+
+/// Returns a camera that looks at `target` from a place around `center`: azimuth and elevation in
+/// radians, distance in world units.
+fn looking_from(
+    width: u32,
+    name: String,
+    (center, (azimuth, elevation, distance)): (DVec3, (f64, f64, f64)),
+    target: DVec3,
+) -> Camera {
     let height = (width * 2).div_ceil(3);
     let (w, h) = (f64::from(width), f64::from(height));
     let intrinsics = Camera {
@@ -220,5 +242,5 @@ fn around(
         elevation.cos() * azimuth.sin(),
         elevation.sin(),
     );
-    intrinsics.looking_at(name, CENTER + outward * distance, CENTER + aim, DVec3::Z)
+    intrinsics.looking_at(name, center + outward * distance, target, DVec3::Z)
 }

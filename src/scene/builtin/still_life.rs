@@ -22,11 +22,12 @@ const SKY: DVec3 = DVec3::new(0.36, 0.40, 0.47);
 const BOUNCE: DVec3 = DVec3::new(0.20, 0.16, 0.12);
 
 /// One thing on the table.
+#[derive(Clone)]
 pub(super) struct Body {
     pub(super) solid: Solid,
-    texture: Texture,
+    pub(super) texture: Texture,
     /// Strength of the highlight.
-    gloss: f64,
+    pub(super) gloss: f64,
 }
 
 /// The surface that a ray meets first.
@@ -57,6 +58,19 @@ pub(super) struct StillLife {
 pub(super) static STILL_LIFE: LazyLock<StillLife> = LazyLock::new(StillLife::new);
 
 impl StillLife {
+    /// Makes an arrangement of these bodies in light from this direction.
+    pub(super) fn of(bodies: Vec<Body>, to_sun: DVec3) -> Self {
+        Self {
+            bodies,
+            to_sun: to_sun.normalize(),
+        }
+    }
+
+    /// Returns the same in light from another direction.
+    pub(super) fn lit_from(&self, to_sun: DVec3) -> Self {
+        Self::of(self.bodies.clone(), to_sun)
+    }
+
     fn new() -> Self {
         let mut bodies = Vec::new();
         let mut put = |shape, rotation, position, texture, gloss| {
@@ -213,10 +227,7 @@ impl StillLife {
         };
         put(ball(0.07), tilt, apex + DVec3::Z * 0.05, knob, 0.3);
 
-        Self {
-            bodies,
-            to_sun: DVec3::new(0.62, -0.48, 0.92).normalize(),
-        }
+        Self::of(bodies, DVec3::new(0.62, -0.48, 0.92))
     }
 
     /// Returns the indices of the bodies that rays from `apex` within the angle with this cosine

@@ -366,6 +366,7 @@ fn checkpoint_file() -> Folder {
         guides: Vec::new(),
         signal: Vec::new(),
         trims: Vec::new(),
+        partner: None,
     };
     Checkpoints::new(folder.path().to_owned())
         .save(7, &state, std::iter::once(Ok(vec![1, 2, 3, 4])))
