@@ -69,7 +69,8 @@ fn the_reference_page_is_the_declaration() {
 fn the_reference_tells_values_units_words_ranges_and_the_papers_names() {
     let text = reference().unwrap();
     for line in [
-        "- `iterations` = 700, 400 in `fast`, 1000 in `instantsplat`, 30000 in `corgs`, 10000 in all others.",
+        "- `iterations` = 700, 400 in `fast`, 1000 in `instantsplat`, 30000 in `corgs` and `sparsegs`, 10000 in all others.",
+        "- `field.lambda` = 0.2, 0.0 in `ablation-virtual` and `ablation-info`",
         "### `views.visibility`",
         "`U_total`. Allowed: a finite number, 0 or more. Paper: lambda, Eq. 4.",
         "Choices: `pixel`, `disc`.",
@@ -203,6 +204,32 @@ fn presets_of_other_systems_differ_from_the_baseline_in_what_their_sources_say()
             "loss.random_background=true",
             "model.sh_interval=500",
             "partner.enabled=true",
+        ]
+    );
+    assert_eq!(
+        told("fsgs"),
+        [
+            "densify.end=10000",
+            "densify.gradient_threshold=0.0005",
+            "densify.max_scale=1000000000.0",
+            "densify.opacity_reset_end=10000",
+            "model.sh_interval=500",
+            "prior.end=9500",
+            "prior.end_weight=0.001",
+            "prior.source=\"cloud\"",
+            "unpool.until=2000",
+        ]
+    );
+    assert_eq!(
+        told("sparsegs"),
+        [
+            "densify.end=18000",
+            "densify.min_opacity=0.05",
+            "densify.opacity_reset_end=18000",
+            "floaters.after=20000",
+            "iterations=30000",
+            "prior.patch_weight=0.15",
+            "prior.source=\"cloud\"",
         ]
     );
 }
@@ -364,6 +391,8 @@ fn a_partner_goes_with_none_of_what_it_has_no_place_for() {
         ("dropout.depth_weight=0.1", "`dropout.depth_weight`"),
         ("dropout.density_weight=0.1", "`dropout.density_weight`"),
         ("densify.outlier_interval=500", "`densify.outlier_interval`"),
+        ("unpool.until=2000", "`unpool.until`"),
+        ("floaters.after=9", "`floaters.after`"),
         (
             "optimizer.confidence_gain=99",
             "`optimizer.confidence_gain`",

@@ -33,7 +33,14 @@ fn prepared(scene: &Scene, config: &Config) -> Prepared {
 fn presets_of_other_systems_train_on_the_built_in_scene() {
     let scene = still_life();
     let ctx = context();
-    for name in ["instantsplat", "dropgaussian", "d2gs", "corgs"] {
+    for name in [
+        "instantsplat",
+        "dropgaussian",
+        "d2gs",
+        "corgs",
+        "fsgs",
+        "sparsegs",
+    ] {
         let mut config = config(name);
         config.partner.start = 20;
         let prepared = prepared(&scene, &config);

@@ -34,6 +34,8 @@ pub const PRESETS: &[(&str, &str)] = &[
     ),
     ("d2gs", include_str!("../../configs/d2gs.json")),
     ("corgs", include_str!("../../configs/corgs.json")),
+    ("fsgs", include_str!("../../configs/fsgs.json")),
+    ("sparsegs", include_str!("../../configs/sparsegs.json")),
     (
         "gaussianobject",
         include_str!("../../configs/gaussianobject.json"),

@@ -6,7 +6,7 @@ use super::declare::{
     above_to, any, at_least, between, choice, from_below, odd_window, positive, section, within,
     zero_or,
 };
-use super::{NeedConfig, PartnerConfig, PriorConfig};
+use super::{FloatersConfig, NeedConfig, PartnerConfig, PriorConfig, UnpoolConfig};
 
 /// The most that a `u32` holds.
 const U32: f64 = u32::MAX as f64;
@@ -51,6 +51,10 @@ section! {
         optimizer: OptimizerConfig = OptimizerConfig::default(), any();
         /// 3DGS's densification and pruning.
         densify: DensifyConfig = DensifyConfig::default(), any();
+        /// Unpooling: growth towards neighbours that are far away.
+        unpool: UnpoolConfig = UnpoolConfig::default(), any();
+        /// Pruning of what floats before the surfaces.
+        floaters: FloatersConfig = FloatersConfig::default(), any();
         /// Coverage-aware pruning and densification.
         coverage: CoverageConfig = CoverageConfig::default(), any();
         /// What is chosen for the scene while it trains.
@@ -462,7 +466,7 @@ section! {
         /// Gaussians that lie apart from all others go every so many iterations while it densifies
         /// (GaussianObject, Yang et al. 2024); null: none.
         outlier_interval: Option<u32> = None, within(1.0, U32).unit("iterations");
-        /// Gaussians are not cloned or split beyond this number.
+        /// Gaussians are not cloned, split or unpooled beyond this number.
         max_gaussians: usize = 5_000_000, within(1.0, U32);
     }
 }

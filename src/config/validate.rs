@@ -96,6 +96,18 @@ impl Config {
             without("null"),
         )?;
         ensure(
+            self.unpool.until.is_none(),
+            "unpool.until",
+            self.unpool.until.unwrap_or(0),
+            without("null"),
+        )?;
+        ensure(
+            self.floaters.after.is_none(),
+            "floaters.after",
+            self.floaters.after.unwrap_or(0),
+            without("null"),
+        )?;
+        ensure(
             self.optimizer.confidence_gain == 0.0,
             "optimizer.confidence_gain",
             self.optimizer.confidence_gain,

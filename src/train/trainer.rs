@@ -404,8 +404,9 @@ impl<'a> Trainer<'a> {
         let depths = match &self.depths {
             Some(depths) => {
                 let view = &self.supervision.real[real];
-                let losses = depths.losses(self.gpu, done.saturating_sub(1), view)?;
-                loss += losses.map_or(0.0, |losses| depths.total(&losses));
+                let iteration = done.saturating_sub(1);
+                let losses = depths.losses(self.gpu, iteration, view)?;
+                loss += losses.map_or(0.0, |losses| depths.total(iteration, &losses));
                 losses
             }
             None => None,
@@ -426,6 +427,9 @@ impl<'a> Trainer<'a> {
         if let Some(plan) = self.plan(done, 0)? {
             self.rearrange(&plan, densifies, done)?;
         }
+        if schedule::unpools(self.config, done) {
+            self.unpool(done)?;
+        }
         self.reset(done);
         self.in_partner(|trainer| {
             if let Some(plan) = trainer.plan(done, 1)? {
@@ -439,6 +443,9 @@ impl<'a> Trainer<'a> {
         }
         if partner::prunes(self.config, done) {
             self.prune_apart(done)?;
+        }
+        if schedule::prunes_floaters(self.config, done) {
+            self.prune_floaters(done)?;
         }
         self.seconds.densify += clock.elapsed().as_secs_f64();
         Ok(())
