@@ -252,6 +252,8 @@ fn a_resumed_training_is_the_same_and_thresholds_that_nothing_reaches_change_no_
     trainer.restore(state, &buffers.concat()).expect("fits");
     let resumed = trainer.run(&mut ()).expect("trains");
     assert!(same(&whole, &resumed));
+    drop(trainer);
+    drop(ctx);
 
     let mut idle = config.clone();
     idle.unpool.distance = 1e9;
