@@ -69,7 +69,7 @@ fn the_reference_page_is_the_declaration() {
 fn the_reference_tells_values_units_words_ranges_and_the_papers_names() {
     let text = reference().unwrap();
     for line in [
-        "- `iterations` = 700, 400 in `fast`, 1000 in `instantsplat`, 30000 in `corgs`, 10000 in all others.",
+        "- `iterations` = 700, 400 in `fast`, 1000 in `instantsplat`, 30000 in `corgs`, 40000 in `splatfields`, 7000 in `sparsesurf`, 10000 in all others.",
         "### `views.visibility`",
         "`U_total`. Allowed: a finite number, 0 or more. Paper: lambda, Eq. 4.",
         "Choices: `pixel`, `disc`.",
@@ -190,6 +190,30 @@ fn presets_of_other_systems_differ_from_the_baseline_in_what_their_sources_say()
             "model.sh_degree=2",
             "model.start=\"hull\"",
             "optimizer.mean_lr_end=0.00003447",
+        ]
+    );
+    assert_eq!(
+        told("splatfields"),
+        [
+            "densify.enabled=false",
+            "generator.enabled=true",
+            "iterations=40000",
+            "loss.silhouette_weight=0.1",
+            "model.sh_degree=0",
+        ]
+    );
+    assert_eq!(
+        told("sparsesurf"),
+        [
+            "densify.end=7000",
+            "densify.opacity_reset_end=7000",
+            "densify.opacity_reset_interval=1000",
+            "iterations=7000",
+            "loss.flat_weight=100.0",
+            "optimizer.mean_lr_end=0.00005464",
+            "prior.loss=\"l1\"",
+            "prior.normal_weight=0.05",
+            "prior.source=\"cloud\"",
         ]
     );
     assert_eq!(
@@ -353,6 +377,35 @@ fn faulty_config_files_are_named_with_line_or_key() {
     assert_refused(file(r#"{"views.count": 3}"#), &["my.json", "nest"]);
     let deep = format!("{}1{}", "[".repeat(100_000), "]".repeat(100_000));
     assert_refused(file(&deep), &["recursion"]);
+}
+
+#[test]
+fn a_generator_goes_with_nothing_that_changes_the_set() {
+    let generator = Config::preset("splatfields").unwrap();
+    generator.validate().unwrap();
+    for (setting, key) in [
+        ("densify.enabled=true", "`densify.enabled`"),
+        ("coverage.prune=true", "`coverage.prune`"),
+        ("partner.enabled=true", "`partner.enabled`"),
+        ("model.sh_degree=1", "`model.sh_degree`"),
+        ("shell.count=100", "`shell.count`"),
+        ("loss.flat_weight=1", "`loss.flat_weight`"),
+        ("optimizer.confidence_gain=1", "`optimizer.confidence_gain`"),
+        ("dropout.depth_weight=0.1", "`dropout.depth_weight`"),
+        ("dropout.density_weight=0.1", "`dropout.density_weight`"),
+    ] {
+        let config = generator.set(setting).unwrap();
+        assert_refused(config.validate(), &[key, "with generator.enabled"]);
+        let without = config.set("generator.enabled=false").unwrap();
+        without.validate().unwrap();
+    }
+    for setting in ["need.prune=true", "need.max_mb=1"] {
+        let config = generator.set("need.hold_out=2").unwrap();
+        let config = config.set(setting).unwrap();
+        assert_refused(config.validate(), &["`need.", "with generator.enabled"]);
+    }
+    let rising = generator.set("generator.lr_end=0.1").unwrap();
+    assert_refused(rising.validate(), &["`generator.lr_end`"]);
 }
 
 #[test]

@@ -22,6 +22,7 @@ mod film;
 mod gaps;
 mod gaussians;
 mod gaussians_ply;
+mod generator;
 mod geometry;
 mod gpu;
 mod habits;

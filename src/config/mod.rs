@@ -5,6 +5,7 @@
 //! changes; so is a user's config file, which names under `"preset"` what it changes.
 
 mod declare;
+mod generator;
 mod need;
 mod overlay;
 mod partner;
@@ -14,6 +15,7 @@ mod schema;
 mod validate;
 
 pub use declare::{Allowed, Interval, Rule};
+pub use generator::GeneratorConfig;
 pub use need::NeedConfig;
 pub use overlay::{Difference, PRESETS};
 pub use partner::PartnerConfig;

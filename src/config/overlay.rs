@@ -39,6 +39,11 @@ pub const PRESETS: &[(&str, &str)] = &[
         include_str!("../../configs/gaussianobject.json"),
     ),
     (
+        "splatfields",
+        include_str!("../../configs/splatfields.json"),
+    ),
+    ("sparsesurf", include_str!("../../configs/sparsesurf.json")),
+    (
         "ablation-virtual",
         include_str!("../../configs/ablation/virtual.json"),
     ),

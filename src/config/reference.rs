@@ -55,6 +55,12 @@ pub fn summary(preset: &str) -> &'static str {
         "corgs" => {
             "CoR-GS's settings: two sets of Gaussians that learn from each other, random backgrounds"
         }
+        "splatfields" => {
+            "SplatFields' settings: a convolutional network, trained on the CPU, makes the Gaussians"
+        }
+        "sparsesurf" => {
+            "SparseSurf's settings: flat Gaussians, held to the cloud's depths and normals in place of stereo"
+        }
         "ablation-virtual" => {
             "ablation: virtual views between photographs, no field, no coverage rules"
         }

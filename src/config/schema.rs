@@ -6,7 +6,7 @@ use super::declare::{
     above_to, any, at_least, between, choice, from_below, odd_window, positive, section, within,
     zero_or,
 };
-use super::{NeedConfig, PartnerConfig, PriorConfig};
+use super::{GeneratorConfig, NeedConfig, PartnerConfig, PriorConfig};
 
 /// The most that a `u32` holds.
 const U32: f64 = u32::MAX as f64;
@@ -45,6 +45,8 @@ section! {
         dropout: DropoutConfig = DropoutConfig::default(), any();
         /// A second set of Gaussians that is trained beside the first.
         partner: PartnerConfig = PartnerConfig::default(), any();
+        /// A network that makes the Gaussians.
+        generator: GeneratorConfig = GeneratorConfig::default(), any();
         /// Refinement of the training cameras' poses.
         poses: PosesConfig = PosesConfig::default(), any();
         /// Adam with 3DGS's learning rates.
@@ -356,6 +358,9 @@ section! {
         /// Weight of the mean binary cross-entropy between a render's opacity and the mask of a photograph
         /// whose subject is cut out (GaussianObject, Yang et al. 2024); others have none.
         silhouette_weight: f64 = 0.0, at_least(0.0);
+        /// Weight of the mean least scale, in `R`, of the Gaussians, those that the photograph does not show counted as 0: they
+        /// become flat (PGSR, Chen et al. 2024; SparseSurf, Gu et al. 2026).
+        flat_weight: f64 = 0.0, at_least(0.0);
         /// Renders have a background colour drawn anew in each iteration instead of `model.background`, and so has a
         /// photograph around a cut-out subject: no gap between Gaussians can pass for that colour.
         random_background: bool = false, any();

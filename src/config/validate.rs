@@ -23,7 +23,8 @@ impl Config {
         }
         self.validate_orders()?;
         self.validate_pairs()?;
-        self.validate_partner()
+        self.validate_partner()?;
+        self.validate_generator()
     }
 
     /// Returns every section and key with its value, in the order of the declaration.
@@ -57,6 +58,49 @@ impl Config {
             ("views.count", self.views.count),
             ("field.n_candidates", self.field.n_candidates),
         )
+    }
+
+    /// Refuses what changes the set of Gaussians, or trains them in another way, where a network makes them.
+    fn validate_generator(&self) -> Result<()> {
+        if !self.generator.enabled {
+            return Ok(());
+        }
+        ordered(
+            ("generator.lr_end", self.generator.lr_end),
+            ("generator.lr_start", self.generator.lr_start),
+        )?;
+        let Config {
+            densify,
+            coverage,
+            dropout,
+            need,
+            ..
+        } = self;
+        for (holds, key, value) in [
+            (!densify.enabled, "densify.enabled", "false"),
+            (!coverage.prune, "coverage.prune", "false"),
+            (!self.partner.enabled, "partner.enabled", "false"),
+            (self.model.sh_degree == 0, "model.sh_degree", "0"),
+            (self.shell.count == 0, "shell.count", "0"),
+            (self.loss.flat_weight == 0.0, "loss.flat_weight", "0"),
+            (
+                self.optimizer.confidence_gain == 0.0,
+                "optimizer.confidence_gain",
+                "0",
+            ),
+            (dropout.depth_weight == 0.0, "dropout.depth_weight", "0"),
+            (dropout.density_weight == 0.0, "dropout.density_weight", "0"),
+            (!need.prune, "need.prune", "false"),
+            (need.max_mb.is_none(), "need.max_mb", "null"),
+        ] {
+            ensure(
+                holds,
+                key,
+                "something else",
+                format!("{value} with generator.enabled"),
+            )?;
+        }
+        Ok(())
     }
 
     /// Refuses what a partner has no place for: each set learns from two views an iteration at most, and holds the cameras.

@@ -236,13 +236,18 @@ pub fn examine_kernels(ctx: &Context) -> Result<Vec<Finding>> {
 pub fn examine_treatments(ctx: &Context) -> Result<Vec<Finding>> {
     let frozen = adam::Treatment {
         frozen_beyond: adam::FROZEN_BEYOND,
-        own_rates: false,
+        ..adam::Treatment::ALIKE
     };
     let own_rates = adam::Treatment {
         own_rates: true,
         ..adam::Treatment::ALIKE
     };
+    let flattened = adam::Treatment {
+        flat_weight: adam::FLAT_WEIGHT,
+        ..adam::Treatment::ALIKE
+    };
     let mut findings = adam::examine(ctx, 1, 2, frozen)?.list;
+    findings.extend(adam::examine(ctx, 0, 1, flattened)?.list);
     findings.extend(adam::examine(ctx, 1, 1, own_rates)?.list);
     Ok(findings)
 }

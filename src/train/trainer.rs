@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use super::capacity::{start_capacity, uniform};
 use super::depths::Depths;
+use super::generated::Generated;
 use super::guide::Guide;
 use super::length::Settling;
 use super::observer::Observer;
@@ -85,6 +86,8 @@ pub struct Trainer<'a> {
     pub(super) adam: Vec<Vec<wgpu::BindGroup>>,
     /// The set beside it, where there is one.
     pub(super) partner: Option<Partner>,
+    /// What makes the Gaussians, where they are not trained themselves.
+    pub(super) generated: Option<Generated>,
     pub(super) refinement: Option<Refinement>,
     pub(super) depths: Option<Depths>,
     /// One a view, the real ones first; empty unless dropout is guided.
@@ -153,7 +156,7 @@ impl<'a> Trainer<'a> {
         let depths = depths.transpose()?;
         let trained = [real.as_slice(), &virtual_views].concat();
         let targets = Self::upload_targets(gpu, &trained, supervision, config)?;
-        Ok(Trainer {
+        let mut trainer = Trainer {
             gpu,
             kernels,
             optimizer_kernels,
@@ -169,6 +172,10 @@ impl<'a> Trainer<'a> {
             bound,
             adam,
             partner,
+            generated: config
+                .generator
+                .enabled
+                .then(|| Generated::new(start, config)),
             refinement,
             depths,
             guides: Vec::new(),
@@ -181,7 +188,9 @@ impl<'a> Trainer<'a> {
             trims: Vec::new(),
             settling: Settling::of(config, &[]),
             seconds: TrainerSeconds::default(),
-        })
+        };
+        trainer.generate();
+        Ok(trainer)
     }
 
     /// Returns what parts of the run have taken so far.
@@ -205,6 +214,7 @@ impl<'a> Trainer<'a> {
             let profile = if times { observer.profile() } else { None };
             let views = self.step(done, profile);
             self.refine(done, views.real)?;
+            self.train_generator(done, views)?;
             done += 1;
             let changes = self.changes(done);
             let looks = self.looks(done);
@@ -354,10 +364,12 @@ impl<'a> Trainer<'a> {
             }
             centers.push(uniform.center());
         }
-        let step = self.step_uniform(iteration, &centers);
-        let kernels = &self.optimizer_kernels;
-        self.optimizer
-            .step(self.gpu, kernels, &self.adam, commands, step, degree);
+        if self.generated.is_none() {
+            let step = self.step_uniform(iteration, &centers);
+            let kernels = &self.optimizer_kernels;
+            self.optimizer
+                .step(self.gpu, kernels, &self.adam, commands, step, degree);
+        }
         StepViews {
             real,
             virtual_view,

@@ -45,7 +45,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-pub(crate) const PLANTS: [Plant; 83] = [
+pub(crate) const PLANTS: [Plant; 85] = [
     plant(
         "project",
         "+ DILATION;",
@@ -476,6 +476,13 @@ pub(crate) const PLANTS: [Plant; 83] = [
         stage::ADAM,
     ),
     plant("adam", ", plane == 0u);", ", plane == 1u);", stage::ADAM),
+    plant("adam", "* exp(least);", "* exp(1.01 * least);", stage::ADAM),
+    plant(
+        "adam",
+        " && seen.radius > 0.0) {\n            gradient",
+        ") {\n            gradient",
+        stage::ADAM,
+    ),
     plant(
         "rearrange",
         "vec4f(vec3f(0.0), value.w)",
