@@ -29,6 +29,7 @@ fn config(preset: &str, sh_degree: u32) -> Config {
     config.scene.max_points = Some(3001);
     config.model.sh_degree = sh_degree;
     config.densify.enabled = false;
+    config.generator.noise_side = 3;
     config
 }
 
@@ -42,6 +43,7 @@ fn buffers_take_what_was_predicted_to_the_byte() {
         ("3dgs", 0),
         ("gspotential", 0),
         ("corgs", 1),
+        ("splatfields", 0),
     ];
     for (preset, sh_degree) in cases {
         let mut config = config(preset, sh_degree);
