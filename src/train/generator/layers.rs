@@ -74,12 +74,8 @@ pub(super) fn perceptron(
     layers.extend(skip.map(|_| Layer::Keep));
     for (i, &n_out) in widths[1..].iter().enumerate() {
         let is_last = i + 2 == widths.len();
-        let is_drawn = !(is_last && starts_at_zero);
-        let bound = if is_drawn {
-            (1.0 / n_in as f64).sqrt()
-        } else {
-            0.0
-        };
+        let share = f64::from(u8::from(!(is_last && starts_at_zero)));
+        let bound = (share / n_in as f64).sqrt();
         let weights = draws.uniform(n_out, n_in, bound);
         layers.push(Layer::Linear(weights, draws.uniform(n_out, 1, bound), 1));
         layers.extend((!is_last).then_some(Layer::LeakyRelu));
@@ -110,7 +106,7 @@ pub(super) fn forward<T: Real>(
             }
             Layer::Normalize(gains, biases) => {
                 start = values;
-                values = normalize(&start, (gains.of(parameters), biases.of(parameters)));
+                values = normalize(&start, gains.slice(parameters), biases.slice(parameters));
             }
             Layer::LeakyRelu => {
                 start = values;
@@ -144,7 +140,7 @@ pub(super) fn backward<T: Real>(
                 d = linear(&d, &turned.as_view(), &zeros, *taps);
             }
             Layer::Normalize(gains, biases) => {
-                let of = (gains.of(parameters), biases.of(parameters));
+                let of = [gains, biases].map(|place| place.slice(parameters));
                 let [d_gains, d_biases] = normalize_backward(start, &mut d, of);
                 gains.add(gradient, d_gains.as_slice());
                 biases.add(gradient, d_biases.as_slice());
@@ -166,22 +162,20 @@ pub(super) fn backward<T: Real>(
     d
 }
 
-/// Returns how many numbers the way back through layers starts from, for an input of `n_columns`; twice the output's more are
-/// at work at a time.
+/// Returns how many numbers the way back through layers starts from, for an input of `n_columns`.
 pub(super) fn n_held(layers: &[Layer], mut n_columns: usize) -> usize {
-    let (mut sum, mut width) = (0, 0);
+    let mut sum = 0;
     for layer in layers {
         match layer {
+            // Its input, and what comes before an activation.
             Layer::Linear(weights, _, taps) => {
-                sum += weights.columns / taps * n_columns;
-                width = weights.rows;
+                sum += (weights.columns / taps + weights.rows) * n_columns
             }
-            Layer::Normalize(..) | Layer::LeakyRelu => sum += width * n_columns,
             Layer::Double => n_columns *= 4,
-            Layer::Keep | Layer::Add | Layer::Stack(_) => {}
+            _ => {}
         }
     }
-    sum + 2 * width * n_columns
+    sum
 }
 
 /// Puts the rows of `a` above those of `b`.
@@ -278,10 +272,7 @@ fn units<T: Real>(image: &DMatrix<T>) -> (DMatrix<T>, DVector<T>) {
     (units, shares)
 }
 
-/// Gains and biases of a normalisation.
-type Scaling<'a, T> = (DMatrixView<'a, T>, DMatrixView<'a, T>);
-
-fn normalize<T: Real>(start: &DMatrix<T>, (gains, biases): Scaling<'_, T>) -> DMatrix<T> {
+fn normalize<T: Real>(start: &DMatrix<T>, gains: &[T], biases: &[T]) -> DMatrix<T> {
     let (mut out, _) = units(start);
     let n = out.nrows();
     out.as_mut_slice()
@@ -299,7 +290,7 @@ fn normalize<T: Real>(start: &DMatrix<T>, (gains, biases): Scaling<'_, T>) -> DM
 fn normalize_backward<T: Real>(
     start: &DMatrix<T>,
     d: &mut DMatrix<T>,
-    (gains, biases): Scaling<'_, T>,
+    [gains, biases]: [&[T]; 2],
 ) -> [DVector<T>; 2] {
     let (units, shares) = units(start);
     let (n, one_share) = (start.nrows(), real::<T>(1.0 / start.ncols() as f64));
