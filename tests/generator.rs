@@ -2,15 +2,15 @@
 
 use gspotential::config::Config;
 use gspotential::doctor::twin::random::Random;
-use gspotential::error::Result;
 use gspotential::pipeline::{Prepared, prepare};
 use gspotential::run::Seconds;
 use gspotential::scene::builtin::{BuiltinOptions, scene};
 use gspotential::train::generator::{Generator, OUTPUTS, Real};
-use gspotential::train::{LossSample, Observer, State, Trainer, generator_bytes};
+use gspotential::train::{Trainer, generator_bytes};
 use nalgebra::DMatrix;
 
 use crate::gpu::rig::context;
+use crate::kit::keep::{Keep, same};
 
 /// Places of which the last lies beyond the planes.
 fn places(n: usize) -> DMatrix<f64> {
@@ -165,19 +165,17 @@ fn a_resumed_training_is_bit_for_bit_the_one_that_was_not_interrupted() {
         || Trainer::new(&ctx.gpu, &ctx.kernels, start, supervision, &config).expect("fits");
     let whole = trainer().run(&mut ()).expect("trains");
     assert_eq!(whole.gaussians.len(), start.len());
-    assert!(whole.samples.last().expect("a sample").real.l1 < whole.samples[0].real.l1);
-
-    let mut keeps = Keeps::default();
-    trainer().run(&mut keeps).expect("trains");
-    let (state, buffers) = keeps.kept.expect("kept");
-    assert_eq!(state.done, 10);
+    let mut keep = Keep::at(10);
+    trainer().run(&mut keep).expect("trains");
+    let (state, buffers) = keep.kept.expect("kept");
+    let buffers = buffers.concat();
     assert!(state.generator > 100_000);
     let resumed = |buffers: &[u8]| {
         let mut trainer = trainer();
         trainer.restore(state.clone(), buffers).expect("fits");
-        trainer.run(&mut ()).expect("trains").gaussians
+        trainer.run(&mut ()).expect("trains")
     };
-    assert!(resumed(&buffers) == whole.gaussians);
+    assert!(same(&resumed(&buffers), &whole));
     // Each third of what the network has in there counts: parameters and both moments.
     for third in 0..3 {
         let mut altered = buffers.clone();
@@ -186,7 +184,7 @@ fn a_resumed_training_is_bit_for_bit_the_one_that_was_not_interrupted() {
             let value = f32::from_le_bytes([number[0], number[1], number[2], number[3]]);
             number.copy_from_slice(&(1.5 * value).to_le_bytes());
         }
-        assert!(resumed(&altered) != whole.gaussians, "{third}");
+        assert!(resumed(&altered).gaussians != whole.gaussians, "{third}");
     }
     let short = &buffers[..buffers.len() - 4];
     assert!(trainer().restore(state.clone(), short).is_err());
@@ -194,30 +192,6 @@ fn a_resumed_training_is_bit_for_bit_the_one_that_was_not_interrupted() {
     other.generator = 0;
     let error = trainer().restore(other, &buffers).unwrap_err().to_string();
     assert!(error.contains("do not fit"), "{error}");
-}
-
-/// Keeps the state after ten iterations.
-#[derive(Default)]
-struct Keeps {
-    kept: Option<(State, Vec<u8>)>,
-}
-
-impl Observer for Keeps {
-    fn look(&mut self, _: &LossSample, _: usize) {}
-
-    fn keeps(&self, done: u32) -> bool {
-        done == 10
-    }
-
-    fn keep(
-        &mut self,
-        state: &State,
-        buffers: &mut dyn Iterator<Item = Result<Vec<u8>>>,
-    ) -> Result<()> {
-        let buffers: Result<Vec<Vec<u8>>> = buffers.collect();
-        self.kept = Some((state.clone(), buffers?.concat()));
-        Ok(())
-    }
 }
 
 /// Far from the focus, the mean distance has a weight; it draws all Gaussians inwards.
