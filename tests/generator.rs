@@ -200,6 +200,7 @@ fn the_norm_draws_gaussians_to_the_focus() {
     let distance = |weight: f64| {
         let mut config = config(40);
         config.generator.norm_weight = weight;
+        config.generator.lr_end = config.generator.lr_start;
         let prepared = prepared(&config);
         let (start, supervision) = (&prepared.start, &prepared.supervision);
         let ctx = context();
