@@ -76,31 +76,32 @@ impl Config {
             need,
             ..
         } = self;
-        for (holds, key, value) in [
-            (!densify.enabled, "densify.enabled", "false"),
-            (!coverage.prune, "coverage.prune", "false"),
-            (!self.partner.enabled, "partner.enabled", "false"),
-            (self.model.sh_degree == 0, "model.sh_degree", "0"),
-            (self.shell.count == 0, "shell.count", "0"),
-            (self.loss.flat_weight == 0.0, "loss.flat_weight", "0"),
-            (
-                self.optimizer.confidence_gain == 0.0,
-                "optimizer.confidence_gain",
-                "0",
-            ),
-            (dropout.depth_weight == 0.0, "dropout.depth_weight", "0"),
-            (dropout.density_weight == 0.0, "dropout.density_weight", "0"),
-            (!need.prune, "need.prune", "false"),
-            (need.max_mb.is_none(), "need.max_mb", "null"),
-        ] {
-            ensure(
-                holds,
-                key,
-                "something else",
-                format!("{value} with generator.enabled"),
-            )?;
+        let switches = [
+            ("densify.enabled", densify.enabled),
+            ("coverage.prune", coverage.prune),
+            ("partner.enabled", self.partner.enabled),
+            ("need.prune", need.prune),
+        ];
+        for (key, is_on) in switches {
+            ensure(!is_on, key, is_on, "false with generator.enabled")?;
         }
-        Ok(())
+        let numbers = [
+            ("model.sh_degree", f64::from(self.model.sh_degree)),
+            ("shell.count", self.shell.count as f64),
+            ("loss.flat_weight", self.loss.flat_weight),
+            ("optimizer.confidence_gain", self.optimizer.confidence_gain),
+            ("dropout.depth_weight", dropout.depth_weight),
+            ("dropout.density_weight", dropout.density_weight),
+        ];
+        for (key, number) in numbers {
+            ensure(number == 0.0, key, number, "0 with generator.enabled")?;
+        }
+        ensure(
+            need.max_mb.is_none(),
+            "need.max_mb",
+            need.max_mb.unwrap_or_default(),
+            "null with generator.enabled",
+        )
     }
 
     /// Refuses what a partner has no place for: each set learns from two views an iteration at most, and holds the cameras.
