@@ -87,16 +87,16 @@ const MACHINES: [Machine; 4] = [
 /// Share of a peak that a stage reaches.
 const SHARE: f64 = 0.6;
 
-/// Instructions a pixel and an entry of its tile's list, of the compiled loops; the backward's tree is in it. What
+/// Instructions a pixel and an entry of its tile's list, of the compiled loops; the backward's tree is in it. Waves of
+/// 32 skip what the tile's other wave adds up, wider ones do not: the first number is theirs, the second the others'. What
 /// [`SKIPPED_SHARE`] of them are left where a wave skips the entry.
 const FORWARD_OPS: f64 = 18.0;
-const BACKWARD_OPS: f64 = 52.0;
+const BACKWARD_OPS: [f64; 2] = [54.0, 64.0];
 const SKIPPED_SHARE: f64 = 0.15;
 /// The backward's leaves are written and summed up for skipped entries, too.
 const SKIPPED_SHARE_BACKWARD: f64 = 0.5;
-/// Instructions a pixel and channel: two window sums of eleven taps of five quantities and of three,
-/// and what is between.
-const LOSS_OPS: f64 = 260.0;
+/// Instructions a pixel and channel of the compiled loss, with the lanes that idle in the second turn over a tile's rows.
+const LOSS_OPS: f64 = 1400.0;
 
 /// What a view holds.
 #[derive(Clone, Copy, Default)]
@@ -113,6 +113,9 @@ struct View {
     /// The part of both in halves of tiles, eight rows, that the entry's splat does not reach.
     listed_beyond: f64,
     blended_beyond: f64,
+    /// The part of the blended at pixels where the splat is drawn, and in blocks of 8x8 pixels of which it is drawn in one.
+    drawn: f64,
+    drawn_blocks: f64,
     /// The longest list.
     longest: f64,
 }
@@ -151,8 +154,12 @@ fn stages(view: &View, passes: [f64; 2], lanes: u32) -> Vec<Stage> {
         listed_beyond,
         blended_beyond,
         longest,
+        ..
     } = *view;
-    let skipped = if lanes <= 32 { 1.0 } else { 0.0 };
+    let [skipped, backward_ops] = match lanes {
+        ..=32 => [1.0, BACKWARD_OPS[0]],
+        _ => [0.0, BACKWARD_OPS[1]],
+    };
     let listed = listed - skipped * (1.0 - SKIPPED_SHARE) * listed_beyond;
     let blended = blended - skipped * (1.0 - SKIPPED_SHARE_BACKWARD) * blended_beyond;
     let radix = Rasterizer::Workgroup.radix();
@@ -182,10 +189,11 @@ fn stages(view: &View, passes: [f64; 2], lanes: u32) -> Vec<Stage> {
             n * 200.0 + p * 40.0,
             100.0,
         ),
+        // Emission has counted the digits of the first pass.
         of(
             "tile sort",
-            3.0 * passes[1],
-            passes[1] * pass(p),
+            3.0 * passes[1] - 1.0,
+            passes[1] * pass(p) - p * 8.0,
             passes[1] * p * 60.0,
             passes[1] * 40.0,
         ),
@@ -209,7 +217,7 @@ fn stages(view: &View, passes: [f64; 2], lanes: u32) -> Vec<Stage> {
             "rasterize backward",
             1.0,
             p * 92.0 + pixels * 36.0,
-            blended * BACKWARD_OPS,
+            blended * backward_ops,
             longest / 32.0 * 8.0,
         ),
         of("sum pairs", 2.0, p * 40.0 + n * 96.0, p * 12.0, 156.0),
@@ -268,6 +276,8 @@ fn main() -> Result<()> {
         mean.blended += share * one.blended;
         mean.listed_beyond += share * one.listed_beyond;
         mean.blended_beyond += share * one.blended_beyond;
+        mean.drawn += share * one.drawn;
+        mean.drawn_blocks += share * one.drawn_blocks;
         mean.longest = mean.longest.max(one.longest);
         tile_bits = (one.tiles as usize)
             .next_power_of_two()
@@ -280,7 +290,8 @@ fn main() -> Result<()> {
         "{}, means of {} views: {:.0} Gaussians, {:.0} pairs of 16x16 tiles and {thread_pairs:.0} of 4x8, {:.0} tiles, \
          {:.0} pixels, \
          {:.1} entries a pixel listed, {:.1} up to the last that its tile blends, {:.0} in the longest list; \
-         of them {:.0} % and {:.0} % in halves of tiles that the splat does not reach\n\n{}\n{}",
+         of them {:.0} % and {:.0} % in halves of tiles that the splat does not reach; {:.1} are drawn, {:.1} where blocks of 8x8 \
+         pixels have lists of their own\n\n{}\n{}",
         scene.name,
         views.len(),
         mean.gaussians,
@@ -292,6 +303,8 @@ fn main() -> Result<()> {
         mean.longest,
         100.0 * mean.listed_beyond / mean.listed,
         100.0 * mean.blended_beyond / mean.blended,
+        mean.drawn / mean.pixels,
+        mean.drawn_blocks / mean.pixels,
         table(&mean, passes),
         longest_dispatches(&mean, passes)
     );
@@ -343,6 +356,10 @@ fn look(ctx: &Context, rig: &Rig) -> Result<View> {
             view.listed_beyond += 0.5 * n * n_pixels;
             if place - first < deepest {
                 view.blended_beyond += 0.5 * n * n_pixels;
+                let is_left = |x: usize, y: usize| place - first < last_blended[y * row + x];
+                let (drawn, blocks) = count_drawn(splat, [left, top], side, size, is_left);
+                view.drawn += drawn;
+                view.drawn_blocks += blocks;
             }
         }
         view.longest = view.longest.max(f64::from(end - first));
@@ -375,6 +392,35 @@ fn is_beyond(splat: &Splat, row: usize, n: usize) -> bool {
         let t_y = splat.t_0[1] + splat.l_yy * (y as f32 + 0.5 - splat.anchor[1]);
         t_y * t_y > splat.reach * 1.0001 + 1e-4
     })
+}
+
+/// Side of the blocks of pixels that are looked at within a tile.
+const BLOCK: usize = 8;
+
+/// Counts the pixels of a tile at which a splat is drawn, of those that still take splats, and those of the blocks in which
+/// one is.
+fn count_drawn(
+    splat: &Splat,
+    [left, top]: [usize; 2],
+    side: usize,
+    size: [u32; 2],
+    is_left: impl Fn(usize, usize) -> bool,
+) -> (f64, f64) {
+    let mut drawn = 0;
+    let mut blocks = vec![0; (side / BLOCK) * (side / BLOCK)];
+    for y in top..(top + side).min(size[1] as usize) {
+        let dy = y as f32 + 0.5 - splat.anchor[1];
+        let t_y = splat.t_0[1] + splat.l_yy * dy;
+        for x in left..(left + side).min(size[0] as usize) {
+            let t_x =
+                splat.t_0[0] + splat.l_xx * (x as f32 + 0.5 - splat.anchor[0]) + splat.l_xy * dy;
+            if t_x * t_x + t_y * t_y <= splat.reach && is_left(x, y) {
+                drawn += 1;
+                blocks[(y - top) / BLOCK * (side / BLOCK) + (x - left) / BLOCK] = BLOCK * BLOCK;
+            }
+        }
+    }
+    (f64::from(drawn), blocks.iter().sum::<usize>() as f64)
 }
 
 /// Says which dispatch is the longest on each machine.

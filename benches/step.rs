@@ -1,12 +1,17 @@
-//! GPU time of one training step by kernel, and what it costs the host: processor time of the thread that
-//! records and submits it, compute passes, dispatches and writes.
+//! GPU time of one training step by kernel, what it costs the host (processor time of the thread that
+//! records and submits it, compute passes, dispatches and writes), and what the first step takes.
 //!
 //! `cargo bench --bench step -- [--scene DIR|builtin:WIDTH] [--max-size PX] [--max-points N]
-//! [--preset NAME] [--warmup N] [--steps N] [--set KEY=VALUE]...`
+//! [--preset NAME] [--warmup N] [--steps N] [--prepare] [--set KEY=VALUE]...`
+//!
+//! A cold start is one without the driver's cache of machine code: Mesa has none with `MESA_SHADER_CACHE_DISABLE=true`.
+//! The host's time does not depend on the Gaussians or, where target images stay on the GPU, on the pixels; those of a driver that
+//! runs on a CPU stay with `--set render.targets_mib=64`.
 
 mod kit;
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::time::Instant;
 
 use clap::Parser;
@@ -36,6 +41,9 @@ struct Args {
     /// Steps measured
     #[arg(long, default_value_t = 20)]
     steps: u32,
+    /// Compile and try the first step's kernels beforehand, as training does beside the virtual views
+    #[arg(long)]
+    prepare: bool,
 }
 
 fn main() -> Result<()> {
@@ -53,8 +61,23 @@ fn main() -> Result<()> {
     let gpu = Gpu::open()?;
     let kernels = Kernels::of(&config.render, &gpu)?;
     let supervision = &prepared.supervision;
+    let beforehand = Lap::of(|| {
+        if args.prepare {
+            kernels.prepare(&gpu);
+        }
+        gpu.wait()
+    })?;
     let mut trainer = Trainer::new(&gpu, &kernels, &prepared.start, supervision, &config)?;
-    let mut warm = 0;
+    let pipelines = Lap::of(|| {
+        trainer.compile();
+        Ok(())
+    })?;
+    let first = Lap::of(|| {
+        trainer.step(0, None);
+        gpu.wait()
+    })?;
+    println!("kernels beforehand: {beforehand}; pipelines: {pipelines}; first step: {first}");
+    let mut warm = trainer.make_room()?.unwrap_or(1);
     while warm < args.warmup {
         trainer.step(warm, None);
         warm = trainer.make_room()?.unwrap_or(warm + 1);
@@ -100,6 +123,35 @@ fn main() -> Result<()> {
     Ok(())
 }
 
+/// Seconds of the clock and of the processor.
+struct Lap {
+    wall: f64,
+    processor: Option<f64>,
+}
+
+impl Lap {
+    fn of(work: impl FnOnce() -> Result<()>) -> Result<Lap> {
+        let (clock, before) = (Instant::now(), kit::cpu_s());
+        work()?;
+        Ok(Lap {
+            wall: clock.elapsed().as_secs_f64(),
+            processor: before
+                .zip(kit::cpu_s())
+                .map(|(before, after)| after - before),
+        })
+    }
+}
+
+impl fmt::Display for Lap {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.2} s", self.wall)?;
+        match self.processor {
+            Some(seconds) => write!(f, ", {seconds:.2} s of the processor"),
+            None => Ok(()),
+        }
+    }
+}
+
 /// What `n` steps from `first` on cost the host, a step.
 fn host(trainer: &mut Trainer<'_>, gpu: &Gpu, first: u32, n: u32) -> Result<String> {
     let before = gpu.requests();
@@ -107,15 +159,16 @@ fn host(trainer: &mut Trainer<'_>, gpu: &Gpu, first: u32, n: u32) -> Result<Stri
     for i in first..first + n {
         let start = kit::thread_s();
         trainer.step(i, None);
+        // What a thread has run for is counted when it rests.
+        gpu.wait()?;
         if let (Some(start), Some(end)) = (start, kit::thread_s()) {
             least = least.min(end - start);
         }
-        gpu.wait()?;
     }
     let after = gpu.requests();
     let a_step = |before: u64, after: u64| (after - before) as f64 / f64::from(n);
     Ok(format!(
-        "host, a step: {:.3} ms of its thread at least, {:.1} compute passes, {:.1} dispatches, {:.1} writes",
+        "host, a step: {:.3} ms of its thread at least, with the wait, {:.1} compute passes, {:.1} dispatches, {:.1} writes",
         1e3 * least,
         a_step(before.passes, after.passes),
         a_step(before.dispatches, after.dispatches),

@@ -21,8 +21,9 @@ struct Step {
     geometry_rates: array<vec4f, 3>,
     sh_0_rate: f32,
     sh_rate: f32,
+    // Weight of the least scale of each Gaussian that is drawn.
+    flat_weight: f32,
     pad_0: f32,
-    pad_1: f32,
     beta_1: f32,
     beta_2: f32,
     // 1 - beta_1 and 1 - beta_2, which would lose three digits here.
@@ -69,6 +70,16 @@ fn update(index: u32, gradient: vec4f, rate: vec4f) {
     parameters[index] -= rate * (m * step.correction_1) / (sqrt(v) * step.correction_2 + step.epsilon);
 }
 
+// Gradient of the weighted least scale, the first of equal ones, by the scales' logarithms.
+fn flattening(scale_log: vec3f) -> vec3f {
+    let least = min(scale_log.x, min(scale_log.y, scale_log.z));
+    let slope = step.flat_weight * exp(least);
+    if (scale_log.x == least) {
+        return vec3f(slope, 0.0, 0.0);
+    }
+    return select(vec3f(0.0, 0.0, slope), vec3f(0.0, slope, 0.0), scale_log.y == least);
+}
+
 @compute @workgroup_size(WORKGROUP)
 fn adam_geometry(thread: Thread) {
     let id = thread_index(thread);
@@ -80,13 +91,17 @@ fn adam_geometry(thread: Thread) {
     if (step.own_rates != 0u) {
         position_factor = 1.0 + statistics[id].w;
     }
+    let seen = on_screen(screen[id]);
     // bound: 3 turns.
     for (var plane = 0u; plane < 3u; plane++) {
         let index = plane * step.stride + id;
+        var gradient = source[index];
+        if (plane == 1u && step.flat_weight > 0.0 && seen.radius > 0.0) {
+            gradient += vec4f(flattening(parameters[index].xyz), 0.0);
+        }
         let factor = select(vec4f(1.0), vec4f(vec3f(position_factor), 1.0), plane == 0u);
-        update(index, source[index], select(factor * step.geometry_rates[plane], vec4f(0.0), frozen));
+        update(index, gradient, select(factor * step.geometry_rates[plane], vec4f(0.0), frozen));
     }
-    let seen = on_screen(screen[id]);
     if (seen.radius > 0.0) {
         let old = statistics[id];
         statistics[id] = vec4f(old.x + seen.gradient, old.y + 1.0, max(old.z, seen.radius), old.w);

@@ -1,10 +1,11 @@
 // Compares rendered depths and normals with targets, and puts the gradient in their place.
 //
 // Moments are taken about their means and merged pairwise (Chan et al. 1983), in a fixed order: each row
-// of a patch, each patch, the image. Pixels count that less than half of the light passes through,
-// by the weight of their target.
+// of a patch, each patch, the image. Means have twice the digits of f32: gradients are divided by a deviation that may be
+// a thousandth of the mean, and thousands of roundings of the mean would show. Pixels count that less than half of the
+// light passes through, by the weight of their target.
 #import shared/thread
-#import shared/view
+#import shared/double
 
 // What is compared, and how. 32 bytes.
 struct DepthLoss {
@@ -51,6 +52,9 @@ struct Moments {
     xx: f32,
     xy: f32,
     yy: f32,
+    // What x and y lack.
+    x_lo: f32,
+    y_lo: f32,
 }
 
 struct Record {
@@ -66,16 +70,20 @@ struct Record {
 fn merged(a: Moments, b: Moments) -> Moments {
     let m = a.m + b.m;
     let share = select(0.0, b.m / m, b.m > 0.0);
-    let x = b.x - a.x;
-    let y = b.y - a.y;
+    let x = (b.x - a.x) + (b.x_lo - a.x_lo);
+    let y = (b.y - a.y) + (b.y_lo - a.y_lo);
     let both = a.m * share;
+    let exact = two_sum(vec3f(a.x, a.y, 0.0), vec3f(share * x, share * y, 0.0));
+    let mean = renormalized(exact.hi, exact.lo + vec3f(a.x_lo, a.y_lo, 0.0));
     return Moments(
         m,
-        a.x + share * x,
-        a.y + share * y,
+        mean.hi.x,
+        mean.hi.y,
         (a.xx + b.xx) + both * x * x,
         (a.xy + b.xy) + both * x * y,
         (a.yy + b.yy) + both * y * y,
+        mean.lo.x,
+        mean.lo.y,
     );
 }
 
@@ -179,7 +187,7 @@ fn depth_rows(thread: Thread) {
             + s.normal_z * depth_plane(DEPTH_NORMAL + 2u, x4, y);
         let of_normals = s.normal_weight - agreement;
         #repeat k 4
-        sum = merged(sum, Moments(s.weight[{k}], s.x[{k}], s.y[{k}], 0.0, 0.0, 0.0));
+        sum = merged(sum, Moments(s.weight[{k}], s.x[{k}], s.y[{k}], 0.0, 0.0, 0.0, 0.0, 0.0));
         normal += vec2f(s.normal_weight[{k}], of_normals[{k}]);
         #end
     }
@@ -264,7 +272,7 @@ fn depth_errors(thread: Thread) {
         let s = seen(x4, y);
         let error = line.x * s.y + line.y - s.x;
         #repeat k 4
-        sum += s.weight[{k}] * vec3f(sign(error[{k}]), sign(error[{k}]) * (s.y[{k}] - all.y), abs(error[{k}]));
+        sum += s.weight[{k}] * vec3f(sign(error[{k}]), sign(error[{k}]) * ((s.y[{k}] - all.y) - all.y_lo), abs(error[{k}]));
         #end
     }
     depth_sums[id] = Record(Moments(), vec2f(0.0), vec2f(0.0), sum);
@@ -284,7 +292,7 @@ fn depth_errors_total(thread: Thread) {
 // The gradient of 1 - correlation with respect to rendered depths.
 fn correlation_gradient(s: Moments, at: Seen) -> vec4f {
     let r = correlation(s);
-    let slope = (r / s.xx) * (at.x - s.x) - (1.0 / (sqrt(s.xx) * sqrt(s.yy))) * (at.y - s.y);
+    let slope = (r / s.xx) * ((at.x - s.x) - s.x_lo) - (1.0 / (sqrt(s.xx) * sqrt(s.yy))) * ((at.y - s.y) - s.y_lo);
     return select(vec4f(0.0), at.weight * slope, vec4<bool>(correlates(s)));
 }
 
@@ -306,7 +314,7 @@ fn depth_gradient(thread: Thread) {
     let slant = select(0.0, all.errors.y / all.moments.yy, is_fitted && line.x != 0.0);
     let offset = select(0.0, all.errors.x / all.moments.m, is_fitted);
     let error = line.x * s.y + line.y - s.x;
-    let by_errors = s.weight * (slant * (s.y - all.moments.y) + offset - sign(error)) / all.moments.m;
+    let by_errors = s.weight * (slant * ((s.y - all.moments.y) - all.moments.y_lo) + offset - sign(error)) / all.moments.m;
     let by_image = select(
         select(vec4f(0.0), by_errors, s.weight > vec4f(0.0)),
         correlation_gradient(all.moments, s),

@@ -1,5 +1,5 @@
-// Makes one pass of a stable radix sort by a digit of GROUP_RADIX_DIGITS values: count digits by block, scan the
-// counts digit by digit, move. One workgroup a block of entries, or a digit of the scan. It sorts them by the digit in its own
+// Makes one pass of a stable radix sort by a digit of GROUP_RADIX_DIGITS values: count digits by block, unless what has
+// made the entries has counted them, scan the counts digit by digit, move. One workgroup a block of entries, or a digit of the scan. It sorts them by the digit in its own
 // memory, by the lower four bits and then by the upper, so that those of one digit leave side by side; equal keys keep their
 // order, so the result is the same on every adapter. Atomic additions count alone, and their order does not matter.
 #import shared/thread

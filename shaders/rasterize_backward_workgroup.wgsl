@@ -1,7 +1,7 @@
 // Carries the gradient back through the compositing, as rasterize_backward does, for GPUs: one workgroup a
 // tile. Each thread has the nine sums of a splat (shared/pair_gradient) over its own four pixels; those of
-// the workgroup's threads are added up in a tree in workgroup memory, of TREES splats at a time, in an
-// order that no driver changes, and one thread writes each pair.
+// the workgroup's threads are added up in a tree in workgroup memory, in an order that no driver changes: its
+// first level of TREES splats at a time, its second of ROUNDS times as many, of which a thread has one number.
 #import shared/thread
 #import shared/view
 #import shared/splat
@@ -17,9 +17,10 @@
 // Bits of planes d_r, d_g, d_b, d_alpha: gradient of the loss with respect to the render. Plane
 // `view.blended_plane`: what the rasterizer has blended last.
 @group(0) @binding(5) var<storage, read> d_rendered: array<vec4u>;
-// Per pair: the parts of a PairGradient.
-@group(0) @binding(6) var<storage, read_write> d_pair_a: array<vec4f>;
-@group(0) @binding(7) var<storage, read_write> d_pair_b: array<vec4f>;
+// Per pair: the parts of a PairGradient, four numbers, four and one. Not vectors, as threads store a number each, and a store to a
+// part of a vector may write all of it.
+@group(0) @binding(6) var<storage, read_write> d_pair_a: array<f32>;
+@group(0) @binding(7) var<storage, read_write> d_pair_b: array<f32>;
 @group(0) @binding(8) var<storage, read_write> d_pair_c: array<f32>;
 @group(0) @binding(9) var<uniform> slice: Slice;
 
@@ -31,15 +32,20 @@ const STAGED = 32u;
 const TREES = 2u;
 // Numbers that a thread adds up at either of a tree's two levels.
 const BRANCHES = 8u;
+// Times that the first level is made before the second is.
+const ROUNDS = 2u;
+// Numbers of a PairGradient.
+const PARTS = 9u;
+// Sums that a first level makes.
+const ROUND_SUMS = TREES * BRANCHES * PARTS;
 
 var<workgroup> staged: array<SplatVectors, STAGED>;
 var<workgroup> staged_pairs: array<u32, STAGED>;
 // A tree's leaves, one a thread: parts a and b of TREES splats in turn, and parts c.
 var<workgroup> leaves: array<vec4f, 2u * TREES * WORKGROUP>;
 var<workgroup> leaves_c: array<f32, TREES * WORKGROUP>;
-// Sums of BRANCHES leaves.
-var<workgroup> branches: array<vec4f, 2u * TREES * BRANCHES>;
-var<workgroup> branches_c: array<f32, TREES * BRANCHES>;
+// Sums of BRANCHES leaves: splat by splat, branch by branch, the parts side by side.
+var<workgroup> branches: array<f32, ROUNDS * ROUND_SUMS>;
 // The most entries that a pixel of the tile has blended.
 var<workgroup> most_blended: atomic<u32>;
 
@@ -109,10 +115,21 @@ fn carry_back(thread: Thread, slice_first: u32, sliced: bool) {
     // bound: LIST_SLICE / WORKGROUP turns.
     for (var i = range.first + n_blended + local; i < end; i += WORKGROUP) {
         let pair = tile_splat(tile_splats[i]).pair;
-        d_pair_a[pair] = vec4f(0.0);
-        d_pair_b[pair] = vec4f(0.0);
+        #repeat i 4
+        d_pair_a[4u * pair + {i}u] = 0.0;
+        d_pair_b[4u * pair + {i}u] = 0.0;
+        #end
         d_pair_c[pair] = 0.0;
     }
+    // The first of the sums that the thread makes in a first level, and the splat and the number that it adds up in a second.
+    let is_c = local >= 2u * TREES * BRANCHES;
+    let branch = select(
+        (local / (2u * BRANCHES) * BRANCHES + local % BRANCHES) * PARTS + 4u * (local / BRANCHES % 2u),
+        (local - 2u * TREES * BRANCHES) * PARTS + 8u,
+        is_c,
+    );
+    let tree = local / PARTS;
+    let part = local % PARTS;
     // bound: LIST_SLICE / STAGED turns.
     for (var top = n_blended; top > n_before; top -= min(STAGED, top - n_before)) {
         let n = min(STAGED, top - n_before);
@@ -162,45 +179,40 @@ fn carry_back(thread: Thread, slice_first: u32, sliced: bool) {
             }
             #end
             workgroupBarrier();
+            let round = (j / TREES) % ROUNDS;
             if (local < 2u * TREES * BRANCHES) {
                 var sum = leaves[local * BRANCHES];
                 #repeat i 7
                 sum += leaves[local * BRANCHES + {i}u + 1u];
                 #end
-                branches[local] = sum;
-            } else if (local < 3u * TREES * BRANCHES) {
-                let own = local - 2u * TREES * BRANCHES;
-                var sum = leaves_c[own * BRANCHES];
-                #repeat i 7
-                sum += leaves_c[own * BRANCHES + {i}u + 1u];
+                #repeat i 4
+                branches[round * ROUND_SUMS + branch + {i}u] = sum[{i}];
                 #end
-                branches_c[own] = sum;
+            } else if (local < 3u * TREES * BRANCHES) {
+                var sum = leaves_c[(local - 2u * TREES * BRANCHES) * BRANCHES];
+                #repeat i 7
+                sum += leaves_c[(local - 2u * TREES * BRANCHES) * BRANCHES + {i}u + 1u];
+                #end
+                branches[round * ROUND_SUMS + branch] = sum;
             }
             workgroupBarrier();
             // Leaves may be written again from here on; branches are not before all are past the next
             // barrier.
-            if (local < 3u * TREES) {
-                let tree = local / 3u;
-                let part = local % 3u;
+            if ((round + 1u == ROUNDS || j + TREES >= n) && local < ROUNDS * TREES * PARTS) {
+                let number = j - round * TREES + tree;
                 // A splat beyond the slice has no pair.
-                if (j + tree < n) {
-                    let pair = staged_pairs[j + tree];
-                    if (part < 2u) {
-                        let own = (2u * tree + part) * BRANCHES;
-                        var sum = branches[own];
-                        #repeat i 7
-                        sum += branches[own + {i}u + 1u];
-                        #end
-                        if (part == 0u) {
-                            d_pair_a[pair] = sum;
-                        } else {
-                            d_pair_b[pair] = sum;
-                        }
+                if (number < n) {
+                    let pair = staged_pairs[number];
+                    let first = tree * BRANCHES * PARTS + part;
+                    var sum = branches[first];
+                    #repeat i 7
+                    sum += branches[first + ({i}u + 1u) * PARTS];
+                    #end
+                    if (part < 4u) {
+                        d_pair_a[4u * pair + part] = sum;
+                    } else if (part < 8u) {
+                        d_pair_b[4u * pair + part - 4u] = sum;
                     } else {
-                        var sum = branches_c[tree * BRANCHES];
-                        #repeat i 7
-                        sum += branches_c[tree * BRANCHES + {i}u + 1u];
-                        #end
                         d_pair_c[pair] = sum;
                     }
                 }

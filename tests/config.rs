@@ -69,7 +69,8 @@ fn the_reference_page_is_the_declaration() {
 fn the_reference_tells_values_units_words_ranges_and_the_papers_names() {
     let text = reference().unwrap();
     for line in [
-        "- `iterations` = 700, 400 in `fast`, 1000 in `instantsplat`, 30000 in `corgs`, 10000 in all others.",
+        "- `iterations` = 700, 400 in `fast`, 1000 in `instantsplat`, 40000 in `splatfields`, 7000 in `sparsesurf`, 30000 in `corgs` and `sparsegs`, 10000 in all others.",
+        "- `field.lambda` = 0.2, 0.0 in `ablation-virtual` and `ablation-info`",
         "### `views.visibility`",
         "`U_total`. Allowed: a finite number, 0 or more. Paper: lambda, Eq. 4.",
         "Choices: `pixel`, `disc`.",
@@ -107,10 +108,12 @@ fn own_preset_differs_from_the_paper_in_its_parts_alone() {
         "densify.enabled=false",
         "iterations=700",
         "loss.fill_weight=0.3",
+        "loss.virtual_photographs=4",
         "model.sh_degree=1",
         "model.sh_interval=150",
         "need.ends=true",
         "need.hold_out=8",
+        "need.iterations_a_photograph=175",
         "need.prune=true",
         "need.settle_share=0.2",
         "optimizer.mean_lr_end=0.00064",
@@ -193,6 +196,30 @@ fn presets_of_other_systems_differ_from_the_baseline_in_what_their_sources_say()
         ]
     );
     assert_eq!(
+        told("splatfields"),
+        [
+            "densify.enabled=false",
+            "generator.enabled=true",
+            "iterations=40000",
+            "loss.silhouette_weight=0.1",
+            "model.sh_degree=0",
+        ]
+    );
+    assert_eq!(
+        told("sparsesurf"),
+        [
+            "densify.end=7000",
+            "densify.opacity_reset_end=7000",
+            "densify.opacity_reset_interval=1000",
+            "iterations=7000",
+            "loss.flat_weight=100.0",
+            "optimizer.mean_lr_end=0.00005464",
+            "prior.loss=\"l1\"",
+            "prior.normal_weight=0.05",
+            "prior.source=\"cloud\"",
+        ]
+    );
+    assert_eq!(
         told("corgs"),
         [
             "densify.end=15000",
@@ -203,6 +230,32 @@ fn presets_of_other_systems_differ_from_the_baseline_in_what_their_sources_say()
             "loss.random_background=true",
             "model.sh_interval=500",
             "partner.enabled=true",
+        ]
+    );
+    assert_eq!(
+        told("fsgs"),
+        [
+            "densify.end=10000",
+            "densify.gradient_threshold=0.0005",
+            "densify.max_scale=1000000000.0",
+            "densify.opacity_reset_end=10000",
+            "model.sh_interval=500",
+            "prior.end=9500",
+            "prior.end_weight=0.001",
+            "prior.source=\"cloud\"",
+            "unpool.until=2000",
+        ]
+    );
+    assert_eq!(
+        told("sparsegs"),
+        [
+            "densify.end=18000",
+            "densify.min_opacity=0.05",
+            "densify.opacity_reset_end=18000",
+            "floaters.after=20000",
+            "iterations=30000",
+            "prior.patch_weight=0.15",
+            "prior.source=\"cloud\"",
         ]
     );
 }
@@ -356,6 +409,35 @@ fn faulty_config_files_are_named_with_line_or_key() {
 }
 
 #[test]
+fn a_generator_goes_with_nothing_that_changes_the_set() {
+    let generator = Config::preset("splatfields").unwrap();
+    generator.validate().unwrap();
+    for (setting, key) in [
+        ("densify.enabled=true", "`densify.enabled`"),
+        ("coverage.prune=true", "`coverage.prune`"),
+        ("partner.enabled=true", "`partner.enabled`"),
+        ("model.sh_degree=1", "`model.sh_degree`"),
+        ("shell.count=100", "`shell.count`"),
+        ("loss.flat_weight=1", "`loss.flat_weight`"),
+        ("optimizer.confidence_gain=1", "`optimizer.confidence_gain`"),
+        ("dropout.depth_weight=0.1", "`dropout.depth_weight`"),
+        ("dropout.density_weight=0.1", "`dropout.density_weight`"),
+    ] {
+        let config = generator.set(setting).unwrap();
+        assert_refused(config.validate(), &[key, "with generator.enabled"]);
+        let without = config.set("generator.enabled=false").unwrap();
+        without.validate().unwrap();
+    }
+    for setting in ["need.prune=true", "need.max_mb=1"] {
+        let config = generator.set("need.hold_out=2").unwrap();
+        let config = config.set(setting).unwrap();
+        assert_refused(config.validate(), &["`need.", "with generator.enabled"]);
+    }
+    let rising = generator.set("generator.lr_end=0.1").unwrap();
+    assert_refused(rising.validate(), &["`generator.lr_end`"]);
+}
+
+#[test]
 fn a_partner_goes_with_none_of_what_it_has_no_place_for() {
     let partner = Config::preset("corgs").unwrap();
     for (setting, key) in [
@@ -364,6 +446,8 @@ fn a_partner_goes_with_none_of_what_it_has_no_place_for() {
         ("dropout.depth_weight=0.1", "`dropout.depth_weight`"),
         ("dropout.density_weight=0.1", "`dropout.density_weight`"),
         ("densify.outlier_interval=500", "`densify.outlier_interval`"),
+        ("unpool.until=2000", "`unpool.until`"),
+        ("floaters.after=9", "`floaters.after`"),
         (
             "optimizer.confidence_gain=99",
             "`optimizer.confidence_gain`",

@@ -123,6 +123,47 @@ fn a_target_without_weight_changes_no_bit_and_neither_does_one_that_has_ended() 
     assert_eq!(n_held, 2, "of samples after 10, 20, 30, ...");
 }
 
+#[test]
+fn after_its_end_the_loss_over_the_image_has_the_last_weight_and_the_others_none() {
+    let mut config = config(60);
+    config.prior.end = 21;
+    config.prior.end_weight = 0.3;
+    config.prior.patch_weight = 0.1;
+    config.prior.normal_weight = 0.1;
+    let late = trained(&prepared(&config), &config, Rasterizer::Thread);
+    let total = |sample: &LossSample, [image, patches, normals]: [f64; 3]| {
+        let w = config.loss.ssim_weight;
+        let held = sample.depths.expect("held");
+        (1.0 - w) * sample.real.l1
+            + w * (1.0 - sample.real.ssim)
+            + image * held.image
+            + patches * held.patches
+            + normals * held.normals
+    };
+    let (before, after) = ([0.05, 0.1, 0.1], [0.3, 0.0, 0.0]);
+    for sample in &late.samples {
+        let (own, other) = match sample.iteration <= 21 {
+            true => (before, after),
+            false => (after, before),
+        };
+        assert!((sample.loss - total(sample, own)).abs() < 1e-6);
+        assert!((sample.loss - total(sample, other)).abs() > 1e-4);
+    }
+    // What is optimised follows: an equal weight goes on as if nothing had ended.
+    let mut level = config.clone();
+    level.prior.patch_weight = 0.0;
+    level.prior.normal_weight = 0.0;
+    level.prior.end_weight = level.prior.weight;
+    let mut endless = level.clone();
+    endless.prior.end = 1_000_000;
+    endless.prior.end_weight = 0.0;
+    let of = |config: &Config| trained(&prepared(config), config, Rasterizer::Thread).gaussians;
+    let whole = of(&endless);
+    assert!(of(&level) == whole);
+    level.prior.end_weight = 0.3;
+    assert!(of(&level) != whole);
+}
+
 /// Keeps a state half way.
 struct Halfway(u32, Option<(State, Vec<u8>)>);
 

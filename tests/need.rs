@@ -143,6 +143,28 @@ fn the_signal_is_the_psnr_of_views_that_are_not_trained_on_and_changes_no_bit() 
 }
 
 #[test]
+fn of_many_photographs_sixteen_are_measured() {
+    let scene = small_scene();
+    let mut config = config();
+    config.views.count = 40;
+    config.iterations = 20;
+    let mut prepared = prepared(&scene, &config);
+    let many = prepared.supervision.virtual_views[..21].to_vec();
+    prepared.supervision.real = many;
+    let measured = trained(&prepared, &config);
+    let supervision = &prepared.supervision;
+    let psnr = |views: &[TrainingView]| {
+        visible_psnr(&context(), &measured.gaussians, supervision.near, views)
+    };
+    let evenly: Vec<TrainingView> = (0..16)
+        .map(|i| supervision.real[i * 21 / 16].clone())
+        .collect();
+    let photographs = measured.signal[0].photographs.expect("they have pixels");
+    assert!((psnr(&evenly) - photographs).abs() < 1e-9);
+    assert!((psnr(&supervision.real) - photographs).abs() > 1e-3);
+}
+
+#[test]
 fn contributions_are_those_of_the_reference_and_sum_to_what_the_images_show() {
     let twin = random_scene(60, 1, 5).gaussians;
     let camera = looking_at([0.0, 0.2, -2.5], [0.0; 3]).resized(61, 43);
@@ -426,6 +448,51 @@ fn a_budget_bounds_the_file_and_the_iterations_and_can_be_repeated() {
         "{log}"
     );
     assert_eq!(json("short/metrics.json")["iterations"], 1);
+}
+
+#[test]
+fn more_photographs_may_train_for_longer() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let most = |options: &str| {
+        let tiny = "train --scene builtin:32 --max-points 400 --set views.count=16 --set iterations=60 --dry-run";
+        let keys = "--set need.iterations_a_photograph=12";
+        succeed(folder.path(), &format!("{tiny} {keys} {options}")).stdout
+    };
+    let six = "--train-views train_00.png,train_01.png,train_02.png,train_03.png,test_00.png,test_10.png --test-views test_05.png";
+    for (options, part) in [
+        ("", "at most 60 iterations"),
+        (six, "at most 72 iterations"),
+        // What is stated holds.
+        (&*format!("{six} --iterations 50"), "50 iterations"),
+        (
+            &*format!("{six} --set need.iteration_s=10 --budget 100s"),
+            "at most 8 iterations",
+        ),
+    ] {
+        let text = most(options);
+        assert!(text.contains(part), "{options}: {text}");
+    }
+}
+
+#[test]
+fn virtual_views_count_for_less_beside_more_photographs() {
+    let scene = small_scene();
+    let mut config = config();
+    config.iterations = 20;
+    config.loss.virtual_photographs = 4;
+    let four = prepared(&scene, &config);
+    let mut six = prepared(&scene, &config);
+    six.supervision.real = four.supervision.virtual_views[..6].to_vec();
+    let mut stated = config.clone();
+    stated.loss.virtual_photographs = 0;
+    let same_set = |prepared: &Prepared, config: &Config, other: &Config| {
+        let (one, other) = (trained(prepared, config), trained(prepared, other));
+        one.gaussians == other.gaussians && one.samples == other.samples
+    };
+    assert!(same_set(&four, &config, &stated));
+    assert!(!same_set(&six, &config, &stated));
+    stated.loss.virtual_weight = config.loss.virtual_weight * 4.0 / 6.0;
+    assert!(same_set(&six, &config, &stated));
 }
 
 #[test]

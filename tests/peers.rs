@@ -33,9 +33,19 @@ fn prepared(scene: &Scene, config: &Config) -> Prepared {
 fn presets_of_other_systems_train_on_the_built_in_scene() {
     let scene = still_life();
     let ctx = context();
-    for name in ["instantsplat", "dropgaussian", "d2gs", "corgs"] {
+    for name in [
+        "instantsplat",
+        "dropgaussian",
+        "d2gs",
+        "corgs",
+        "fsgs",
+        "sparsegs",
+        "splatfields",
+        "sparsesurf",
+    ] {
         let mut config = config(name);
         config.partner.start = 20;
+        config.generator.noise_side = 4;
         let prepared = prepared(&scene, &config);
         let (start, supervision) = (&prepared.start, &prepared.supervision);
         assert!(supervision.virtual_views.is_empty());

@@ -1,7 +1,8 @@
 //! Time and memory against the size of what is worked on, each as a fitted exponent.
 //!
 //! `cargo bench --bench growth -- [--out DIR] [--most-gaussians N] [--sh-degree D] [--widest PX] [--most-views N]
-//! [--most-points N] [--rounds N]`
+//! [--most-points N] [--rounds N]`, or `cargo bench --bench growth -- --million` for one iteration of a million Gaussians
+//! instead.
 //!
 //! First the fit is checked.
 //! Each time is the least of several rounds: on a software adapter and on the host CPU time, which
@@ -12,6 +13,7 @@ mod clock;
 mod cloud;
 mod fit;
 mod host;
+mod million;
 mod output;
 mod stages;
 mod step;
@@ -59,6 +61,9 @@ pub(crate) struct Args {
     /// Rounds of which the fastest counts
     #[arg(long, default_value_t = 5)]
     rounds: u32,
+    /// Train a million Gaussians at the widest size for one iteration, and nothing else
+    #[arg(long)]
+    million: bool,
     /// What cargo passes to every bench
     #[arg(long, hide = true)]
     bench: bool,
@@ -73,6 +78,9 @@ pub(crate) fn sizes(first: usize, last: usize) -> Vec<usize> {
 
 fn main() -> Result<()> {
     let args = Args::parse();
+    if args.million {
+        return million::train_once(&args);
+    }
     fit::check();
     let ctx = Context::new(Gpu::open()?)?;
     let mut figures = Vec::new();

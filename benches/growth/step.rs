@@ -19,7 +19,11 @@ const N_GAUSSIANS: usize = 30_000;
 /// Steps that warm up buffers and kernels.
 const N_WARM: u32 = 3;
 
-fn config(n: usize, sh_degree: u32) -> Result<Config> {
+/// The paper's settings for `n` Gaussians, with a few virtual views.
+///
+/// # Errors
+/// None: the preset is the program's own.
+pub(crate) fn config(n: usize, sh_degree: u32) -> Result<Config> {
     let mut config = Config::preset("paper")?;
     config.views.count = 4;
     config.scene.max_points = Some(n);

@@ -2,7 +2,7 @@
 // same tiles to the bit. `COUNT`: one thread a splat counts its tiles. `EMIT`: one thread
 // EMIT_CHUNK pairs, which are numbered front to back, splat by splat, writes them: a splat that
 // fills the screen is shared by many threads. Tiles are LIST_W x LIST_H pixels: the stage that imports
-// this says how many.
+// this says how many, and what it does with each tile that it emits (`emitted`) and at the end (`emitted_all`).
 #import shared/thread
 #import shared/view
 #import shared/splat
@@ -157,6 +157,7 @@ fn bin(thread: Thread) {
             for (; pair < stop; pair++) {
                 pairs[pair] = stored_tile_pair(TilePair(first + pair - before, pair));
                 pair_gaussian[pair] = id;
+                emitted(first + pair - before);
             }
             before += span.y;
             if (before >= end) {
@@ -166,5 +167,8 @@ fn bin(thread: Thread) {
     }
     if (counting && index < n) {
         splat_pairs[index] = before;
+    }
+    if (!counting) {
+        emitted_all(thread);
     }
 }

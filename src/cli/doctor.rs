@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use crate::doctor::examine;
+use crate::doctor::timing::ROUNDS;
 use crate::error::{Error, Result};
 use crate::files::{create_dir, write_file};
 use crate::gpu::Gpu;
@@ -34,6 +35,10 @@ pub(crate) struct DoctorArgs {
     #[arg(long, value_name = "DIR", conflicts_with = "json")]
     wgsl: Option<PathBuf>,
 
+    /// Rounds of which the fastest counts; one is enough where times do not matter
+    #[arg(long, value_name = "N", default_value_t = ROUNDS, value_parser = clap::value_parser!(u32).range(1..))]
+    rounds: u32,
+
     /// Replace the file of --json, or those in the folder of --wgsl
     #[arg(long)]
     overwrite: bool,
@@ -49,7 +54,7 @@ impl DoctorArgs {
         }
         let gpu = Gpu::open()?;
         log::info!("adapter: {}", gpu.describe());
-        let report = examine(gpu)?;
+        let report = examine(gpu, self.rounds)?;
         super::print(&report.to_string())?;
         if let Some(path) = &self.json {
             let mut json = serde_json::to_vec_pretty(&report)

@@ -16,6 +16,9 @@ section! {
         interval: u32 = 100, within(1.0, 1e8).unit("iterations");
         /// Training ends when the held-out views have stopped rising; `iterations` are then the most.
         ends: bool = false, any();
+        /// Training that may end has room for so many iterations a photograph, where they are more than `iterations`: more
+        /// photographs take longer to learn; 0: `iterations` alone.
+        iterations_a_photograph: u32 = 0, zero_or(1.0, 1e8).unit("iterations");
         /// They have stopped when the last third of the iterations has raised their best PSNR by less than this, dB, and half of `iterations` are done.
         least_gain_db: f64 = 0.05, at_least(0.0);
         /// Share of all iterations, the last, in which all learning rates fall to nothing.

@@ -34,10 +34,17 @@ pub const PRESETS: &[(&str, &str)] = &[
     ),
     ("d2gs", include_str!("../../configs/d2gs.json")),
     ("corgs", include_str!("../../configs/corgs.json")),
+    ("fsgs", include_str!("../../configs/fsgs.json")),
+    ("sparsegs", include_str!("../../configs/sparsegs.json")),
     (
         "gaussianobject",
         include_str!("../../configs/gaussianobject.json"),
     ),
+    (
+        "splatfields",
+        include_str!("../../configs/splatfields.json"),
+    ),
+    ("sparsesurf", include_str!("../../configs/sparsesurf.json")),
     (
         "ablation-virtual",
         include_str!("../../configs/ablation/virtual.json"),

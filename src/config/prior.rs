@@ -32,6 +32,8 @@ section! {
         normal_weight: f64 = 0.0, at_least(0.0);
         /// These losses end with this iteration.
         end: u32 = 1_000_000, within(1.0, U32).unit("iterations");
+        /// Weight of the loss over the image from then on; 0: there is none.
+        end_weight: f64 = 0.0, at_least(0.0);
     }
 }
 

@@ -55,6 +55,18 @@ pub fn summary(preset: &str) -> &'static str {
         "corgs" => {
             "CoR-GS's settings: two sets of Gaussians that learn from each other, random backgrounds"
         }
+        "fsgs" => {
+            "FSGS's settings: growth towards far neighbours, held to the cloud's depth, no pseudo views"
+        }
+        "sparsegs" => {
+            "SparseGS's settings: held to the cloud's depth, also in patches, floaters pruned; no SDS"
+        }
+        "splatfields" => {
+            "SplatFields' settings: a convolutional network, trained on the CPU, makes the Gaussians"
+        }
+        "sparsesurf" => {
+            "SparseSurf's settings: flat Gaussians, held to the cloud's depths and normals in place of stereo"
+        }
         "ablation-virtual" => {
             "ablation: virtual views between photographs, no field, no coverage rules"
         }
@@ -119,7 +131,7 @@ pub fn reference() -> Result<String> {
     Ok(text)
 }
 
-/// How many presets with one value are named; more are "all others".
+/// How many presets with one value are named; more are "all others", if not yet more have the first value.
 const MOST_NAMED: usize = 3;
 
 /// Returns the line `` `key` = value, other in `preset`. What it means. Unit: R. Allowed: 0 to 1.
@@ -134,13 +146,15 @@ fn line(key: &Key) -> String {
                 None => groups.push((value, vec![name])),
             }
         }
-        groups.remove(0);
+        let (_, as_first) = groups.remove(0);
         groups.sort_by_key(|(_, names)| names.len());
         let largest = groups.len() - 1;
         for (i, (value, names)) in groups.iter().enumerate() {
             let names: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
             line += &match names.len() {
-                n if n > MOST_NAMED && i == largest => format!(", {value} in all others"),
+                n if n > MOST_NAMED.max(as_first.len()) && i == largest => {
+                    format!(", {value} in all others")
+                }
                 _ => format!(", {value} in {}", names.join(" and ")),
             };
         }

@@ -6,7 +6,9 @@ use super::declare::{
     above_to, any, at_least, between, choice, from_below, odd_window, positive, section, within,
     zero_or,
 };
-use super::{NeedConfig, PartnerConfig, PriorConfig};
+use super::{
+    FloatersConfig, GeneratorConfig, NeedConfig, PartnerConfig, PriorConfig, UnpoolConfig,
+};
 
 /// The most that a `u32` holds.
 const U32: f64 = u32::MAX as f64;
@@ -45,12 +47,18 @@ section! {
         dropout: DropoutConfig = DropoutConfig::default(), any();
         /// A second set of Gaussians that is trained beside the first.
         partner: PartnerConfig = PartnerConfig::default(), any();
+        /// A network that makes the Gaussians.
+        generator: GeneratorConfig = GeneratorConfig::default(), any();
         /// Refinement of the training cameras' poses.
         poses: PosesConfig = PosesConfig::default(), any();
         /// Adam with 3DGS's learning rates.
         optimizer: OptimizerConfig = OptimizerConfig::default(), any();
         /// 3DGS's densification and pruning.
         densify: DensifyConfig = DensifyConfig::default(), any();
+        /// Unpooling: growth towards neighbours that are far away.
+        unpool: UnpoolConfig = UnpoolConfig::default(), any();
+        /// Pruning of what floats before the surfaces.
+        floaters: FloatersConfig = FloatersConfig::default(), any();
         /// Coverage-aware pruning and densification.
         coverage: CoverageConfig = CoverageConfig::default(), any();
         /// What is chosen for the scene while it trains.
@@ -344,6 +352,9 @@ section! {
         ssim_weight: f64 = 0.2, within(0.0, 1.0);
         /// Multiplies `alpha_k` of every virtual view.
         virtual_weight: f64 = 1.0, at_least(0.0).paper("Eq. 9");
+        /// That weight falls in proportion where there are more training views than these: the more the photographs show, the less
+        /// a splat knows that they do not; 0: it stays.
+        virtual_photographs: usize = 0, zero_or(1.0, 1e6);
         /// Weighs virtual views by `alpha_k = 1 / (1 + U_conf)`; without it `alpha_k` is 1.
         confidence_weighting: bool = true, any().paper("alpha_k, Eq. 8");
         /// Weight of a virtual view's pixels that no point covers, against 1 of those that one does;
@@ -356,6 +367,9 @@ section! {
         /// Weight of the mean binary cross-entropy between a render's opacity and the mask of a photograph
         /// whose subject is cut out (GaussianObject, Yang et al. 2024); others have none.
         silhouette_weight: f64 = 0.0, at_least(0.0);
+        /// Weight of the mean least scale, in `R`, of the Gaussians, those that the photograph does not show counted as 0: they
+        /// become flat (PGSR, Chen et al. 2024; SparseSurf, Gu et al. 2026).
+        flat_weight: f64 = 0.0, at_least(0.0);
         /// Renders have a background colour drawn anew in each iteration instead of `model.background`, and so has a
         /// photograph around a cut-out subject: no gap between Gaussians can pass for that colour.
         random_background: bool = false, any();
@@ -377,6 +391,16 @@ section! {
         depth_weight: f64 = 0.0, within(0.0, 1.0);
         /// Adds to that share this times how crowded the Gaussian is, 0 to 1, by the mean distance to its six nearest others.
         density_weight: f64 = 0.0, within(0.0, 1.0);
+    }
+}
+
+impl LossConfig {
+    /// Returns what multiplies `alpha_k` of a virtual view beside so many training views.
+    pub fn virtual_weight_beside(&self, n_train: usize) -> f64 {
+        match self.virtual_photographs {
+            0 => self.virtual_weight,
+            most => self.virtual_weight * most as f64 / most.max(n_train) as f64,
+        }
     }
 }
 
@@ -462,7 +486,7 @@ section! {
         /// Gaussians that lie apart from all others go every so many iterations while it densifies
         /// (GaussianObject, Yang et al. 2024); null: none.
         outlier_interval: Option<u32> = None, within(1.0, U32).unit("iterations");
-        /// Gaussians are not cloned or split beyond this number.
+        /// Gaussians are not cloned, split or unpooled beyond this number.
         max_gaussians: usize = 5_000_000, within(1.0, U32);
     }
 }

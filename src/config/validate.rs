@@ -23,7 +23,8 @@ impl Config {
         }
         self.validate_orders()?;
         self.validate_pairs()?;
-        self.validate_partner()
+        self.validate_partner()?;
+        self.validate_generator()
     }
 
     /// Returns every section and key with its value, in the order of the declaration.
@@ -56,6 +57,50 @@ impl Config {
         ordered(
             ("views.count", self.views.count),
             ("field.n_candidates", self.field.n_candidates),
+        )
+    }
+
+    /// Refuses what changes the set of Gaussians, or trains them in another way, where a network makes them.
+    fn validate_generator(&self) -> Result<()> {
+        if !self.generator.enabled {
+            return Ok(());
+        }
+        ordered(
+            ("generator.lr_end", self.generator.lr_end),
+            ("generator.lr_start", self.generator.lr_start),
+        )?;
+        let Config {
+            densify,
+            coverage,
+            dropout,
+            need,
+            ..
+        } = self;
+        let switches = [
+            ("densify.enabled", densify.enabled),
+            ("coverage.prune", coverage.prune),
+            ("partner.enabled", self.partner.enabled),
+            ("need.prune", need.prune),
+        ];
+        for (key, is_on) in switches {
+            ensure(!is_on, key, is_on, "false with generator.enabled")?;
+        }
+        let numbers = [
+            ("model.sh_degree", f64::from(self.model.sh_degree)),
+            ("shell.count", self.shell.count as f64),
+            ("loss.flat_weight", self.loss.flat_weight),
+            ("optimizer.confidence_gain", self.optimizer.confidence_gain),
+            ("dropout.depth_weight", dropout.depth_weight),
+            ("dropout.density_weight", dropout.density_weight),
+        ];
+        for (key, number) in numbers {
+            ensure(number == 0.0, key, number, "0 with generator.enabled")?;
+        }
+        ensure(
+            need.max_mb.is_none(),
+            "need.max_mb",
+            need.max_mb.unwrap_or_default(),
+            "null with generator.enabled",
         )
     }
 
@@ -93,6 +138,18 @@ impl Config {
             self.densify.outlier_interval.is_none(),
             "densify.outlier_interval",
             self.densify.outlier_interval.unwrap_or(0),
+            without("null"),
+        )?;
+        ensure(
+            self.unpool.until.is_none(),
+            "unpool.until",
+            self.unpool.until.unwrap_or(0),
+            without("null"),
+        )?;
+        ensure(
+            self.floaters.after.is_none(),
+            "floaters.after",
+            self.floaters.after.unwrap_or(0),
             without("null"),
         )?;
         ensure(

@@ -161,6 +161,24 @@ impl Twin {
         }
     }
 
+    /// Adds the gradient of the weighted mean least scale of the Gaussians that are drawn to that of the scales' logarithms.
+    fn flatten(&self, weight: f64, gradients: &mut [f64]) {
+        let each = self.values[2]
+            .chunks_exact(3)
+            .zip(gradients.chunks_exact_mut(3));
+        for (i, (scales, gradients)) in each.enumerate() {
+            let mut axis = 0;
+            for other in [1, 2] {
+                if scales[other] < scales[axis] {
+                    axis = other;
+                }
+            }
+            if radius(i) > 0.0 {
+                gradients[axis] += weight / N as f64 * scales[axis].exp();
+            }
+        }
+    }
+
     /// Puts back the geometry of what is frozen: `before` are the values before the step.
     fn freeze(&mut self, frozen_beyond: f32, before: &[Vec<f64>; 5]) {
         for (i, mean) in before[0].chunks_exact(3).enumerate() {
@@ -175,6 +193,14 @@ impl Twin {
     }
 }
 
+/// Weight of the mean least scale with which its gradient is about as large as the others.
+pub const FLAT_WEIGHT: f64 = 5.0;
+
+/// Returns the radius that Gaussian `i` is drawn with; 0: it is not.
+fn radius(i: usize) -> f32 {
+    if i.is_multiple_of(3) { 0.0 } else { 0.1 }
+}
+
 /// Distance from the origin that about half of the Gaussians lie beyond.
 pub const FROZEN_BEYOND: f32 = 0.635;
 
@@ -185,6 +211,8 @@ pub struct Treatment {
     pub frozen_beyond: f32,
     /// Whether positions have rates of their own.
     pub own_rates: bool,
+    /// Weight of the mean least scale; every third Gaussian is not drawn and has none.
+    pub flat_weight: f64,
 }
 
 impl Treatment {
@@ -192,6 +220,7 @@ impl Treatment {
     pub const ALIKE: Treatment = Treatment {
         frozen_beyond: f32::INFINITY,
         own_rates: false,
+        flat_weight: 0.0,
     };
 }
 
@@ -209,9 +238,11 @@ pub fn examine(
     let Treatment {
         frozen_beyond,
         own_rates,
+        flat_weight,
     } = treatment;
     let gpu = &ctx.gpu;
-    let config = config()?;
+    let mut config = config()?;
+    config.loss.flat_weight = flat_weight;
     let case = random_scene(N, stored as usize, 80 + u64::from(stored));
     let mut start = gaussians_of(&case.gaussians, stored);
     if frozen_beyond.is_finite() {
@@ -242,14 +273,15 @@ pub fn examine(
         let drawn = Drawn::new(&mut random, stride, n_views);
         space.buffer("d_geometry").write(gpu, &drawn.geometry);
         space.buffer("d_color").write(gpu, &drawn.color);
-        let unseen = vec![[0.0_f32; 2]; stride];
-        space.buffer("screen").write(gpu, &unseen);
+        let screen: Vec<[f32; 2]> = (0..stride).map(|i| [0.0, radius(i)]).collect();
+        space.buffer("screen").write(gpu, &screen);
         let step =
             StepUniform::new(&config, iteration, EXTENT, &CENTERS[..n_views]).within(frozen_beyond);
         let mut commands = Commands::new(gpu);
         optimizer.step(gpu, &ctx.optimizer, &groups, &mut commands, step, degree);
         commands.submit();
-        let gradients = drawn.gradients(&twin.values[0], n_views, degree, n_sh);
+        let mut gradients = drawn.gradients(&twin.values[0], n_views, degree, n_sh);
+        twin.flatten(flat_weight, &mut gradients[2]);
         let before = twin.values.clone();
         twin.step(&config, (iteration, n_sh), &gradients, &gains);
         twin.freeze(frozen_beyond, &before);
@@ -258,6 +290,7 @@ pub fn examine(
     let frozen = match (frozen_beyond.is_finite(), own_rates) {
         (true, _) => ", some frozen",
         (false, true) => ", rates of their own",
+        (false, false) if flat_weight > 0.0 => ", flattened",
         (false, false) => "",
     };
     let mut out = Findings::of(format!(

@@ -99,11 +99,11 @@ pub struct StageReport {
     pub holds: bool,
 }
 
-/// Runs every stage on `gpu`, compares and takes the time.
+/// Runs every stage on `gpu`, compares and takes the time: the fastest of so many rounds, at least one.
 ///
 /// # Errors
 /// An adapter that lacks what the kernels need, or a GPU fault.
-pub fn examine(gpu: Gpu) -> Result<Report> {
+pub fn examine(gpu: Gpu, rounds: u32) -> Result<Report> {
     let adapter = Adapter::of(&gpu);
     if let Some(limit) = adapter.limits.iter().find(|limit| !limit.holds()) {
         return Err(Error::new(format!(
@@ -116,7 +116,7 @@ pub fn examine(gpu: Gpu) -> Result<Report> {
     let mut ctx = Context::new(gpu)?;
     let config = Config::preset("paper")?;
     let mut findings = examine_kernels(&ctx)?;
-    let mut timings = timing::time_rest(&ctx)?;
+    let mut timings = timing::time_rest(&ctx, rounds)?;
     let by_rule = ctx.kernels.rasterizer;
     let others = Rasterizer::ALL
         .into_iter()
@@ -133,8 +133,8 @@ pub fn examine(gpu: Gpu) -> Result<Report> {
         }
         let timed = view::timed_case();
         findings.extend(view::examine(&ctx, &timed)?.0.list);
-        let (own, view_seconds) = timing::time_view(&ctx, &timed)?;
-        let (losses, loss_seconds) = timing::time_losses(&ctx)?;
+        let (own, view_seconds) = timing::time_view(&ctx, &timed, rounds)?;
+        let (losses, loss_seconds) = timing::time_losses(&ctx, rounds)?;
         timings.extend(losses);
         // Stages that all rasterizers share are timed once, with the rule's.
         let is_new = |t: &Timing| timings.iter().all(|known: &Timing| known.stage != t.stage);
@@ -236,13 +236,18 @@ pub fn examine_kernels(ctx: &Context) -> Result<Vec<Finding>> {
 pub fn examine_treatments(ctx: &Context) -> Result<Vec<Finding>> {
     let frozen = adam::Treatment {
         frozen_beyond: adam::FROZEN_BEYOND,
-        own_rates: false,
+        ..adam::Treatment::ALIKE
     };
     let own_rates = adam::Treatment {
         own_rates: true,
         ..adam::Treatment::ALIKE
     };
+    let flattened = adam::Treatment {
+        flat_weight: adam::FLAT_WEIGHT,
+        ..adam::Treatment::ALIKE
+    };
     let mut findings = adam::examine(ctx, 1, 2, frozen)?.list;
+    findings.extend(adam::examine(ctx, 0, 1, flattened)?.list);
     findings.extend(adam::examine(ctx, 1, 1, own_rates)?.list);
     Ok(findings)
 }

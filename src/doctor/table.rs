@@ -21,7 +21,7 @@ impl fmt::Display for Report {
         } else {
             "The adapter has no timestamps: times are wall-clock time, submission included."
         };
-        writeln!(f, "{clock} The fastest of five rounds.\n")?;
+        writeln!(f, "{clock} They are those of the fastest round.\n")?;
         for report in &self.rasterizers {
             write_rasterizer(f, report)?;
         }

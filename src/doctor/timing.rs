@@ -15,8 +15,8 @@ use crate::render::{
 };
 use crate::train::optimizer::StepUniform;
 
-/// Rounds of which the fastest counts.
-const ROUNDS: usize = 5;
+/// Rounds of which the fastest counts, unless another number is asked for.
+pub const ROUNDS: u32 = 5;
 
 /// The time of a stage.
 #[derive(Clone, Copy, Debug)]
@@ -179,7 +179,7 @@ fn depth_steps(rasterizer: Rasterizer) -> [DepthStep; 5] {
 ///
 /// # Errors
 /// A GPU fault, or a case that the adapter cannot hold.
-pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<(Vec<Timing>, f64)> {
+pub fn time_view(ctx: &Context, case: &ViewCase, rounds: u32) -> Result<(Vec<Timing>, f64)> {
     let rasterizer = ctx.kernels.rasterizer;
     let own = stage::own(rasterizer);
     let mut rig = Rig::of_twin(ctx, &case.gaussians, &case.camera)?;
@@ -216,7 +216,7 @@ pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<(Vec<Timing>, f64)> {
     );
     let mut watch = Stopwatch::new(ctx);
     let mut least = f64::INFINITY;
-    for _ in 0..ROUNDS {
+    for _ in 0..rounds {
         let pass = rig.pass(ctx);
         let mut round: BTreeMap<&str, f64> = BTreeMap::new();
         for (stage, record) in steps(rasterizer) {
@@ -270,7 +270,7 @@ pub fn time_view(ctx: &Context, case: &ViewCase) -> Result<(Vec<Timing>, f64)> {
 ///
 /// # Errors
 /// A GPU fault, or a case that the adapter cannot hold.
-pub fn time_losses(ctx: &Context) -> Result<(Vec<Timing>, f64)> {
+pub fn time_losses(ctx: &Context, rounds: u32) -> Result<(Vec<Timing>, f64)> {
     let own = stage::own(ctx.kernels.rasterizer);
     let mut watch = Stopwatch::new(ctx);
     let n_pixels = TIMED_SIZE.0 * TIMED_SIZE.1;
@@ -278,7 +278,7 @@ pub fn time_losses(ctx: &Context) -> Result<(Vec<Timing>, f64)> {
     let goal = vec![0xff80_8080; n_pixels];
     rig.workspace.set_goal(&ctx.gpu, 0, &rig.view, &goal);
     let kinds = [(own.loss, false), (own.masked_loss, true)];
-    for _ in 0..ROUNDS {
+    for _ in 0..rounds {
         for (stage, masked) in kinds {
             let uniform = LossUniform::new(1.0, loss::SSIM_WEIGHT, n_pixels as f64, masked);
             let pass = rig.pass(ctx);
@@ -294,7 +294,7 @@ pub fn time_losses(ctx: &Context) -> Result<(Vec<Timing>, f64)> {
 ///
 /// # Errors
 /// A GPU fault, or a case that the adapter cannot hold.
-pub fn time_rest(ctx: &Context) -> Result<Vec<Timing>> {
+pub fn time_rest(ctx: &Context, rounds: u32) -> Result<Vec<Timing>> {
     let gpu = &ctx.gpu;
     let mut watch = Stopwatch::new(ctx);
     let n = TIMED_GAUSSIANS;
@@ -302,7 +302,7 @@ pub fn time_rest(ctx: &Context) -> Result<Vec<Timing>> {
     let space = adam::workspace(ctx, n)?;
     let groups = optimizer.bind(gpu, &ctx.optimizer, &space);
     let config = adam::config()?;
-    for _ in 0..ROUNDS {
+    for _ in 0..rounds {
         let step = StepUniform::new(&config, 0, 1.0, &adam::CENTERS);
         let seconds = watch.run(|commands| {
             optimizer.step(gpu, &ctx.optimizer, &groups, commands, step, 3);
@@ -312,13 +312,13 @@ pub fn time_rest(ctx: &Context) -> Result<Vec<Timing>> {
     let mut timings = vec![watch.timing(stage::ADAM, n, "Gaussians")];
     let n_pixels = TIMED_SIZE.0 * TIMED_SIZE.1;
     let pair = exchange::Pair::new(ctx, TIMED_SIZE)?;
-    for _ in 0..ROUNDS {
+    for _ in 0..rounds {
         let seconds = watch.run(|commands| pair.hand_over(ctx, commands))?;
         watch.keep(stage::EXCHANGE, seconds);
     }
     timings.push(watch.timing(stage::EXCHANGE, n_pixels, "pixels"));
     let mut powers = f64::INFINITY;
-    for _ in 0..ROUNDS {
+    for _ in 0..rounds {
         let clock = Clock::start();
         exp2::worst_ulps(gpu, &ctx.powers)?;
         powers = powers.min(clock.seconds());
@@ -333,7 +333,7 @@ pub fn time_rest(ctx: &Context) -> Result<Vec<Timing>> {
     let mut optimizer = optimizer;
     let plan = changes::random_plan(n, n, 3);
     let (mut rearrange, mut reset) = (f64::INFINITY, f64::INFINITY);
-    for _ in 0..ROUNDS {
+    for _ in 0..rounds {
         let clock = Clock::start();
         optimizer.rearrange(gpu, &ctx.optimizer, &plan, true)?;
         rearrange = rearrange.min(clock.seconds());

@@ -43,6 +43,10 @@ pub const DEPTH_BITS: u32 = 32;
 pub const RANGE_CHUNK: u32 = 16;
 /// Pairs that a thread emits.
 pub const EMIT_CHUNK: u32 = 16;
+const _: () = assert!(
+    EMIT_CHUNK * WORKGROUP == GROUP_RADIX_CHUNK,
+    "a workgroup emits a block of the sort by tile"
+);
 /// Pairs of one Gaussian that are summed to one before their Gaussian adds them up, and such sums
 /// again.
 pub const PAIR_BLOCK: u32 = 32;

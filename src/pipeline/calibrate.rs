@@ -64,8 +64,13 @@ pub(super) fn calibrated(gpu: &Gpu, prepared: &Prepared, config: &Config) -> Res
     Ok(config)
 }
 
-/// Returns the config with no more iterations than there is time for.
-pub(super) fn within_time(mut config: Config) -> Config {
+/// Returns the config with the most iterations that so many photographs may take, and no more than there is time for.
+pub(super) fn with_most_iterations(mut config: Config, n_photographs: usize) -> Config {
+    if config.need.ends {
+        let n = u32::try_from(n_photographs).unwrap_or(u32::MAX);
+        let all = config.need.iterations_a_photograph.saturating_mul(n);
+        config.iterations = config.iterations.max(all);
+    }
     if let Some(most) = config.need.most_iterations() {
         config.iterations = config.iterations.min(most);
     }

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::calibrate::{iteration_s, within_time};
+use super::calibrate::{iteration_s, with_most_iterations};
 use super::start::decided;
 use super::train::fitted;
 use super::{Forecast, Prepared, TrainJob, prepare};
@@ -86,7 +86,7 @@ pub fn dry_run(job: &TrainJob) -> Result<DryRun> {
         n_test_views: scene.test.len(),
         n_points: scene.cloud.len(),
         scene: scene.source,
-        n_iterations: within_time(timed).iterations,
+        n_iterations: with_most_iterations(timed, scene.train.len()).iterations,
         may_end: config.need.ends,
         n_gaussians: start.len(),
         max_gaussians: config

@@ -8,7 +8,7 @@ use crate::gaussians::Gaussians;
 use crate::gpu::Gpu;
 use crate::report::{Column, Table};
 use crate::scene::{PointCloud, Prior, Scene, View};
-use crate::train::{DepthTarget, TrainingBytes, TrainingView};
+use crate::train::{DepthTarget, TrainingBytes, TrainingView, generator_bytes};
 
 /// Memory of a run, before it trains.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,6 +57,10 @@ impl Forecast {
             .sum();
         if depths + priors > 0 {
             host.push(("their depths and normals", (depths + priors) as u64));
+        }
+        let generator = generator_bytes(start.len(), config);
+        if generator > 0 {
+            host.push(("the network that makes the Gaussians", generator));
         }
         // A file with text or with observations may be larger than all that is made of it.
         let all: u64 = host.iter().map(|(_, bytes)| bytes).sum();

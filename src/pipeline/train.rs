@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 
-use super::calibrate::{calibrated, within_time};
+use super::calibrate::{calibrated, with_most_iterations};
 use super::chosen::{chosen, lowered};
 use super::job::record;
 use super::keep::{Identity, Keeper, Log};
@@ -85,10 +85,11 @@ pub fn train(
         config: calibrated,
         ..job.clone()
     };
-    let config = within_time(Config {
+    let config = Config {
         need: job.config.need.clone(),
         ..config
-    });
+    };
+    let config = with_most_iterations(config, scene.train.len());
     if job.config.need.iteration_s != given {
         run.write_config(&job.config)?;
     }

@@ -169,7 +169,8 @@ pub(super) struct Groups {
 }
 
 pub(super) struct RadixGroups {
-    pub(super) count: wgpu::BindGroup,
+    /// None where what has made the entries has counted their digits.
+    pub(super) count: Option<wgpu::BindGroup>,
     pub(super) scan: DigitScan,
     pub(super) shift: wgpu::BindGroup,
 }
@@ -251,7 +252,11 @@ impl Groups {
             let many = [&kernels.scan_reduce, &kernels.scan_spread];
             ScanGroups::Many(many.map(bind))
         };
-        let radix = |passes: &[Buffer], entries: [&Buffer; 2], uniform: &Buffer, most: usize| {
+        let radix = |passes: &[Buffer],
+                     entries: [&Buffer; 2],
+                     uniform: &Buffer,
+                     most: usize,
+                     n_counted: usize| {
             let pass = |(i, pass): (usize, &Buffer)| {
                 let from_to = [
                     ("radix", pass),
@@ -261,7 +266,7 @@ impl Groups {
                 let n_digits = kernels.rasterizer.radix().counts(most);
                 let counts = space.buffer("digit_counts");
                 RadixGroups {
-                    count: with(&from_to, &kernels.radix_count),
+                    count: (i >= n_counted).then(|| with(&from_to, &kernels.radix_count)),
                     scan: match &kernels.radix_scan {
                         Some(kernel) => DigitScan::Digits(kernel.clone(), with(&from_to, kernel)),
                         None => DigitScan::Counts(scan(uniform, counts, n_digits)),
@@ -282,6 +287,11 @@ impl Groups {
             space.buffer("depth_order_swap"),
         ];
         let [count, emit] = [0, 1].map(|mode| space.of_slot("mode", mode));
+        // Workgroups that emit pairs count the digits of the first pass, too.
+        let n_counted = match kernels.rasterizer {
+            Rasterizer::Thread => 0,
+            Rasterizer::Workgroup => 1,
+        };
         Groups {
             project: by_degree(&kernels.project),
             depth_passes: radix(
@@ -289,12 +299,14 @@ impl Groups {
                 depths,
                 uniform("scan_splat_digits"),
                 model.n,
+                0,
             ),
             pair_passes: radix(
                 space.all("pair_passes"),
                 space.pair_halves(),
                 uniform("scan_pair_digits"),
                 space.capacity.pairs,
+                n_counted,
             ),
             bin_count: with(&[("mode", count)], &kernels.bin),
             bin_emit: with(&[("mode", emit)], &kernels.bin),

@@ -15,6 +15,7 @@ mod capacity;
 mod depth;
 mod depth_stages;
 mod kernels;
+mod lists;
 mod median;
 mod model;
 mod pass;
@@ -31,6 +32,7 @@ pub use depth::{
     DepthKernels, DepthLossKind, DepthLossUniform, DepthPass, DepthPlane, DepthSize, MOST_PATCH,
 };
 pub use kernels::{Bound, Device, Kernels};
+pub use lists::{Listed, Lists};
 pub use median::NO_MEDIAN;
 pub use model::{BLOCK_PLANES, Model, block_bytes, model_bytes, most_gaussians, n_blocks};
 pub use pass::{Pass, PassStep};

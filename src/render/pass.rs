@@ -133,13 +133,14 @@ impl<'a> Pass<'a> {
         self.scan(commands, &self.groups().scan_pairs, self.n());
     }
 
-    /// Fills `pairs`, `pair_gaussian` and `gaussian_pairs`.
+    /// Fills `pairs`, `pair_gaussian` and `gaussian_pairs`; workgroups leave what [`Pass::sort_by_tile`]
+    /// counts first in `digit_counts`.
     pub fn emit_pairs(&self, commands: &mut Commands<'_>) {
         let threads = self.room().div_ceil(u64::from(EMIT_CHUNK)).max(self.n());
         commands.dispatch(&self.kernels.bin, &self.groups().bin_emit, threads);
     }
 
-    /// Sorts `pairs` into `tile_pairs`.
+    /// Sorts `pairs` into `tile_pairs`, once after [`Pass::emit_pairs`].
     pub fn sort_by_tile(&self, commands: &mut Commands<'_>) {
         self.sort(commands, &self.groups().pair_passes, self.room());
     }
@@ -192,7 +193,9 @@ impl<'a> Pass<'a> {
         let radix = self.kernels.rasterizer.radix();
         let threads = radix.chunks(n as usize) as u64 * u64::from(radix.threads);
         for groups in passes {
-            commands.dispatch(&self.kernels.radix_count, &groups.count, threads);
+            if let Some(count) = &groups.count {
+                commands.dispatch(&self.kernels.radix_count, count, threads);
+            }
             match &groups.scan {
                 DigitScan::Counts(groups) => {
                     self.scan(commands, groups, radix.counts(n as usize) as u64);

@@ -3,12 +3,13 @@
 use super::depths::size;
 use super::optimizer::{plan_bytes, statistics_bytes, with_room};
 use super::partner;
+use super::schedule;
 use super::supervision::{Supervision, TrainingView};
 use crate::camera::Camera;
 use crate::config::Config;
 use crate::gpu::{Buffer, Gpu, Rasterizer};
 use crate::render::{
-    Capacity, DepthPass, PoseGradient, Targets, ViewUniform, WorkspaceBytes, block_bytes,
+    Capacity, DepthPass, Lists, PoseGradient, Targets, ViewUniform, WorkspaceBytes, block_bytes,
     first_pairs, model_bytes, most_gaussians,
 };
 
@@ -108,12 +109,8 @@ impl TrainingBytes {
                 true => 3 * model + statistics + workspace.total(),
                 false => 0,
             },
-            reading: Buffer::readback_bytes(match config.need.hold_out {
-                0 => block_bytes(capacity.stride, sh_degree),
-                // Renders of the held-out views are read, too.
-                _ => block_bytes(capacity.stride, sh_degree).max(rendered_bytes(capacity.plane)),
-            }),
-            densifying: match config.need.prunes() || partner::ever_prunes(config) {
+            reading: Buffer::readback_bytes(read_bytes(&capacity, config)),
+            densifying: match prunes(config) {
                 true => model + plan_bytes(n_gaussians),
                 false => 0,
             },
@@ -147,6 +144,25 @@ impl TrainingBytes {
     pub fn peak(&self) -> u64 {
         self.held() + self.reading.max(self.densifying)
     }
+}
+
+/// Says whether Gaussians are pruned without densification.
+fn prunes(config: &Config) -> bool {
+    config.need.prunes() || partner::ever_prunes(config) || schedule::ever_prunes_floaters(config)
+}
+
+/// Bytes of the largest buffer that the host reads.
+fn read_bytes(capacity: &Capacity, config: &Config) -> u64 {
+    let block = block_bytes(capacity.stride, config.model.sh_degree);
+    let renders = match config.need.hold_out {
+        0 => 0,
+        _ => rendered_bytes(capacity.plane),
+    };
+    let lists = match schedule::ever_prunes_floaters(config) {
+        true => Lists::bytes(capacity),
+        false => 0,
+    };
+    block.max(renders).max(lists)
 }
 
 /// Bytes of a render, four planes of `plane` vectors.

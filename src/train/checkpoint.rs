@@ -7,6 +7,7 @@
 
 use std::collections::BTreeMap;
 
+use super::generator::Generated;
 use super::optimizer::Optimizer;
 use super::state::{SetSize, State};
 use super::supervision::{Supervision, TrainingView};
@@ -35,10 +36,11 @@ impl Trainer<'_> {
                 n_gaussians: partner.optimizer.model.n,
                 stride: partner.optimizer.model.stride,
             }),
+            generator: self.generated.as_ref().map_or(0, Generated::n_parameters),
         }
     }
 
-    /// Reads the optimizer's buffers, and then the partner's, as bytes in a row, in portions that are read from the GPU when
+    /// Reads the optimizer's buffers, then the partner's and the generator's, as bytes in a row, in portions that are read from the GPU when
     /// it is their turn.
     ///
     /// # Errors
@@ -48,14 +50,16 @@ impl Trainer<'_> {
         let partner = self.partner.iter().flat_map(|p| p.optimizer.buffers());
         let buffers = self.optimizer.buffers().into_iter().chain(partner);
         let buffers = buffers.zip(lens);
-        buffers.flat_map(move |(buffer, len)| {
+        let network = self.generated.iter().flat_map(Generated::buffers);
+        let buffers = buffers.flat_map(move |(buffer, len)| {
             let bytes = 16 * len;
             (0..bytes).step_by(PORTION).map(move |first| {
                 let mut portion = vec![0; PORTION.min(bytes - first)];
                 buffer.read_into(self.gpu, first as u64, &mut portion)?;
                 Ok(portion)
             })
-        })
+        });
+        buffers.chain(network.map(Ok))
     }
 
     /// Goes back or on to a state of this run; `buffers` are those of [`Trainer::buffers`] in a
@@ -70,6 +74,7 @@ impl Trainer<'_> {
             .all(|set| set.n_gaussians <= set.stride && set.stride <= most)
             && state.sh_degree == self.optimizer.model.sh_degree
             && state.partner.is_some() == self.partner.is_some()
+            && state.generator == self.state().generator
             && state.poses.as_ref().map(Vec::len) == self.poses().map(Vec::len);
         let (n, degree) = (state.n_gaussians, state.sh_degree);
         if !fits {
@@ -80,7 +85,8 @@ impl Trainer<'_> {
             )));
         }
         let lens = state.buffer_lens();
-        let expected = 16 * lens.iter().sum::<usize>();
+        let n_network = 3 * size_of::<f32>() * state.generator;
+        let expected = 16 * lens.iter().sum::<usize>() + n_network;
         if buffers.len() != expected {
             return Err(Error::new(format!(
                 "the checkpoint has {} bytes, expected {expected} for {n} Gaussians of SH degree {degree}",
@@ -89,13 +95,17 @@ impl Trainer<'_> {
         }
         let own = state.own_set();
         let n_own = 16 * own.buffer_lens(degree).iter().sum::<usize>();
-        let (own_bytes, other_bytes) = buffers.split_at(n_own);
+        let (sets, network_bytes) = buffers.split_at(expected - n_network);
+        let (own_bytes, other_bytes) = sets.split_at(n_own);
         self.refill(own, own_bytes)?;
         if let Some(set) = state.partner {
             self.in_partner(|trainer| {
                 trainer.refill(set, other_bytes)?;
                 trainer.fit_model()
             })?;
+        }
+        if let Some(generated) = &mut self.generated {
+            generated.refill(network_bytes);
         }
         self.done = state.done;
         self.samples = state.samples;
@@ -107,6 +117,7 @@ impl Trainer<'_> {
         if let Some(poses) = state.poses {
             self.set_poses(poses);
         }
+        self.generate();
         self.fit_model()
     }
 

@@ -30,8 +30,10 @@ pub(super) struct Depths {
     size: DepthSize,
     kind: DepthLossKind,
     uniform: DepthLossUniform,
-    /// The first iteration without it.
+    /// The first iteration with the last weight alone.
     end: u32,
+    /// Weight of the loss over the image from there on.
+    end_weight: f32,
     /// The last target, as the kernels take it.
     planes: Vec<f32>,
 }
@@ -76,6 +78,7 @@ impl Depths {
                 normals: u32::from(size.normals),
             },
             end: config.end,
+            end_weight: config.end_weight as f32,
             planes: Vec::new(),
         })
     }
@@ -105,13 +108,26 @@ impl Depths {
         let (Some(pass), Some(target)) = (&self.pass, &view.depths) else {
             return false;
         };
-        if iteration >= self.end {
+        let Some(loss) = self.loss_at(iteration) else {
             return false;
-        }
+        };
         target.pack(uniform, self.size, &mut self.planes);
         pass.set_target(gpu, &self.planes);
-        pass.set_loss(gpu, self.uniform);
+        pass.set_loss(gpu, loss);
         true
+    }
+
+    /// Returns the loss of iteration `iteration` (from 0), where there is one.
+    fn loss_at(&self, iteration: u32) -> Option<DepthLossUniform> {
+        if iteration < self.end {
+            return Some(self.uniform);
+        }
+        (self.end_weight > 0.0).then_some(DepthLossUniform {
+            weight: self.end_weight,
+            patch_weight: 0.0,
+            normal_weight: 0.0,
+            ..self.uniform
+        })
     }
 
     /// Carries back the gradients of the image that `pass` has rendered and of its depths and normals.
@@ -138,7 +154,7 @@ impl Depths {
         view: &TrainingView,
     ) -> Result<Option<DepthLosses>> {
         match (&self.pass, &view.depths) {
-            (Some(pass), Some(_)) if iteration < self.end => {
+            (Some(pass), Some(_)) if self.loss_at(iteration).is_some() => {
                 let [image, patches, normals, share] = pass.read_losses(gpu)?;
                 Ok(Some(DepthLosses {
                     image,
@@ -151,17 +167,14 @@ impl Depths {
         }
     }
 
-    /// Returns the weighted sum of losses.
-    pub(super) fn total(&self, losses: &DepthLosses) -> f64 {
-        let DepthLossUniform {
-            weight,
-            patch_weight,
-            normal_weight,
-            ..
-        } = self.uniform;
-        f64::from(weight) * losses.image
-            + f64::from(patch_weight) * losses.patches
-            + f64::from(normal_weight) * losses.normals
+    /// Returns the weighted sum of the losses of iteration `iteration` (from 0).
+    pub(super) fn total(&self, iteration: u32, losses: &DepthLosses) -> f64 {
+        let weighted = |loss: DepthLossUniform| {
+            f64::from(loss.weight) * losses.image
+                + f64::from(loss.patch_weight) * losses.patches
+                + f64::from(loss.normal_weight) * losses.normals
+        };
+        self.loss_at(iteration).map_or(0.0, weighted)
     }
 }
 

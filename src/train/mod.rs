@@ -5,7 +5,7 @@
 //! an [`observer`], and [`checkpoint`] takes it apart and puts it together again between two
 //! iterations. [`supervision`] is what they learn from, [`capacity`] says what that takes, [`shell`]
 //! is a background of Gaussians beyond the scene, [`pose_adam`] moves cameras, where they are
-//! refined, `depths` holds training views to depths and normals, [`guide`] chooses whom dropout leaves out, a [`partner`] is a second set of Gaussians, and what the scene needs is
+//! refined, `depths` holds training views to depths and normals, [`guide`] chooses whom dropout leaves out, a [`partner`] is a second set of Gaussians, [`unpool`] fills gaps between large ones, [`floaters`] go, a [`generator`] makes the Gaussians, and what the scene needs is
 //! decided by virtual views that nothing is learned from ([`SignalPoint`]): [`length`] says when training ends,
 //! [`trim`] which Gaussians it can do without, `lower` which SH degrees.
 
@@ -15,6 +15,9 @@ mod contribution;
 mod depth_target;
 mod depths;
 mod dropout;
+pub mod floaters;
+mod generating;
+pub mod generator;
 mod goal;
 pub mod guide;
 pub mod length;
@@ -38,11 +41,13 @@ pub mod supervision;
 mod targets;
 pub mod trainer;
 pub mod trim;
+pub mod unpool;
 
 pub use capacity::TrainingBytes;
 pub use checkpoint::fingerprint;
 pub use depth_target::DepthTarget;
 pub use depths::DepthLosses;
+pub use generator::generator_bytes;
 pub use goal::Goal;
 pub use observer::Observer;
 pub use pose_adam::PoseAdam;

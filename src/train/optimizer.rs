@@ -56,8 +56,11 @@ pub struct StepUniform {
     pub sh_0_rate: f32,
     /// Learning rate of all higher SH degrees, a twentieth of `sh_0_rate` (3DGS).
     pub sh_rate: f32,
+    /// Weight of the mean least scale of the Gaussians, those that are not drawn counted as 0; [`Optimizer::step`] divides
+    /// it by their number.
+    pub flat_weight: f32,
     /// Padding.
-    pub pad_0: [f32; 2],
+    pub pad_0: f32,
     /// Decay of the first moment.
     pub beta_1: f32,
     /// Decay of the second moment.
@@ -125,7 +128,8 @@ impl StepUniform {
             ],
             sh_0_rate: o.sh_lr as f32,
             sh_rate: (o.sh_lr / 20.0) as f32,
-            pad_0: [0.0; 2],
+            flat_weight: config.loss.flat_weight as f32,
+            pad_0: 0.0,
             beta_1: o.beta1 as f32,
             beta_2: o.beta2 as f32,
             new_share_1: (1.0 - o.beta1) as f32,
@@ -328,6 +332,7 @@ impl Optimizer {
         step.n_gaussians = shader_count(self.model.n);
         step.stride = shader_count(self.model.stride);
         step.own_rates = u32::from(self.own_rates);
+        step.flat_weight /= self.model.n.max(1) as f32;
         self.step.write(gpu, &[step]);
         let n = self.model.n as u64;
         let degree = sh_degree as usize;

@@ -39,6 +39,9 @@ pub struct PlanCounts {
     pub cloned: usize,
     /// Gaussians that two smaller ones replaced.
     pub split: usize,
+    /// Gaussians added half-way to a neighbour that is far away.
+    #[serde(default)]
+    pub unpooled: usize,
     /// Gaussians removed for an opacity below the least.
     pub pruned_opacity: usize,
     /// Gaussians removed because they are large in space or on screen.
@@ -54,6 +57,9 @@ pub struct PlanCounts {
     /// Gaussians removed because the partner's are all far away.
     #[serde(default)]
     pub pruned_apart: usize,
+    /// Gaussians removed because they float before a surface.
+    #[serde(default)]
+    pub pruned_floaters: usize,
 }
 
 /// A change of the set of Gaussians.
@@ -76,7 +82,7 @@ pub struct SignalPoint {
     pub n_gaussians: usize,
     /// Mean PSNR of the held-out virtual views over their visible pixels, dB.
     pub held_out: f64,
-    /// The same of the training photographs; null where masks leave nothing of them.
+    /// The same of up to 16 training photographs, evenly over all; null where masks leave nothing of them.
     pub photographs: Option<f64>,
 }
 

@@ -132,6 +132,7 @@ pub fn changes(config: &Config, done: u32) -> bool {
         || prunes_by_coverage(config, done)
         || resets_opacity(config, done)
         || removes_outliers(config, done)
+        || prunes_floaters(config, done)
 }
 
 /// Returns whether coverage-aware pruning follows after `done` iterations.
@@ -154,6 +155,22 @@ pub fn removes_outliers(config: &Config, done: u32) -> bool {
     let densify = &config.densify;
     let is_due = |interval| due(config, done, interval);
     densify.enabled && done < densify.end && densify.outlier_interval.is_some_and(is_due)
+}
+
+/// Returns whether the densification after `done` iterations unpools (FSGS).
+pub fn unpools(config: &Config, done: u32) -> bool {
+    densifies(config, done) && config.unpool.until.is_some_and(|until| done < until)
+}
+
+/// Returns whether floaters are pruned after `done` iterations (SparseGS).
+pub fn prunes_floaters(config: &Config, done: u32) -> bool {
+    ever_prunes_floaters(config) && config.floaters.after == Some(done)
+}
+
+/// Returns whether floaters are pruned at all; nothing changes after the last iteration.
+pub fn ever_prunes_floaters(config: &Config) -> bool {
+    let after = config.floaters.after;
+    after.is_some_and(|after| after < config.iterations)
 }
 
 /// Returns whether a change of the set that comes every `interval` iterations follows after `done`.

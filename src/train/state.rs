@@ -33,6 +33,9 @@ pub struct State {
     /// The set beside this one, whose buffers follow; `None` unless there is a partner.
     #[serde(default)]
     pub partner: Option<SetSize>,
+    /// Parameters of the network that makes the Gaussians, which follow with their moments as `f32`; 0 without one.
+    #[serde(default)]
+    pub generator: usize,
 }
 
 /// A set of Gaussians and the room for it.

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use super::capacity::{start_capacity, uniform};
 use super::depths::Depths;
+use super::generator::Generated;
 use super::guide::Guide;
 use super::length::Settling;
 use super::observer::Observer;
@@ -85,6 +86,8 @@ pub struct Trainer<'a> {
     pub(super) adam: Vec<Vec<wgpu::BindGroup>>,
     /// The set beside it, where there is one.
     pub(super) partner: Option<Partner>,
+    /// What makes the Gaussians, where they are not trained themselves.
+    pub(super) generated: Option<Generated>,
     pub(super) refinement: Option<Refinement>,
     pub(super) depths: Option<Depths>,
     /// One a view, the real ones first; empty unless dropout is guided.
@@ -153,7 +156,7 @@ impl<'a> Trainer<'a> {
         let depths = depths.transpose()?;
         let trained = [real.as_slice(), &virtual_views].concat();
         let targets = Self::upload_targets(gpu, &trained, supervision, config)?;
-        Ok(Trainer {
+        let mut trainer = Trainer {
             gpu,
             kernels,
             optimizer_kernels,
@@ -169,6 +172,10 @@ impl<'a> Trainer<'a> {
             bound,
             adam,
             partner,
+            generated: config
+                .generator
+                .enabled
+                .then(|| Generated::new(start, config)),
             refinement,
             depths,
             guides: Vec::new(),
@@ -181,7 +188,9 @@ impl<'a> Trainer<'a> {
             trims: Vec::new(),
             settling: Settling::of(config, &[]),
             seconds: TrainerSeconds::default(),
-        })
+        };
+        trainer.generate();
+        Ok(trainer)
     }
 
     /// Returns what parts of the run have taken so far.
@@ -205,6 +214,7 @@ impl<'a> Trainer<'a> {
             let profile = if times { observer.profile() } else { None };
             let views = self.step(done, profile);
             self.refine(done, views.real)?;
+            self.train_generator(done, views)?;
             done += 1;
             let changes = self.changes(done);
             let looks = self.looks(done);
@@ -319,7 +329,7 @@ impl<'a> Trainer<'a> {
             self.set_goal(commands, slot, view, &uniform, k, background);
         }
         for (slot, (view, uniform, k)) in chosen.into_iter().flatten().enumerate() {
-            let scale = [1.0, config.loss.virtual_weight][slot];
+            let scale = [1.0, config.loss.virtual_weight_beside(self.real.len())][slot];
             let w = config.loss.ssim_weight;
             let weight = view.weight * scale;
             let loss = LossUniform::new(weight, w, view.total_weight, view.masked)
@@ -354,10 +364,12 @@ impl<'a> Trainer<'a> {
             }
             centers.push(uniform.center());
         }
-        let step = self.step_uniform(iteration, &centers);
-        let kernels = &self.optimizer_kernels;
-        self.optimizer
-            .step(self.gpu, kernels, &self.adam, commands, step, degree);
+        if self.generated.is_none() {
+            let step = self.step_uniform(iteration, &centers);
+            let kernels = &self.optimizer_kernels;
+            self.optimizer
+                .step(self.gpu, kernels, &self.adam, commands, step, degree);
+        }
         StepViews {
             real,
             virtual_view,
@@ -397,15 +409,19 @@ impl<'a> Trainer<'a> {
         let virt = (virtual_view.is_some() || pseudo_view).then(|| part(1));
         let mut loss = self.supervision.real[real].weight * total(part(0));
         let weight = match virtual_view {
-            Some(k) => self.supervision.virtual_views[k].weight * self.config.loss.virtual_weight,
+            Some(k) => {
+                let scale = self.config.loss.virtual_weight_beside(self.real.len());
+                self.supervision.virtual_views[k].weight * scale
+            }
             None => self.config.partner.weight,
         };
         loss += virt.map_or(0.0, |part| weight * total(part));
         let depths = match &self.depths {
             Some(depths) => {
                 let view = &self.supervision.real[real];
-                let losses = depths.losses(self.gpu, done.saturating_sub(1), view)?;
-                loss += losses.map_or(0.0, |losses| depths.total(&losses));
+                let iteration = done.saturating_sub(1);
+                let losses = depths.losses(self.gpu, iteration, view)?;
+                loss += losses.map_or(0.0, |losses| depths.total(iteration, &losses));
                 losses
             }
             None => None,
@@ -426,6 +442,9 @@ impl<'a> Trainer<'a> {
         if let Some(plan) = self.plan(done, 0)? {
             self.rearrange(&plan, densifies, done)?;
         }
+        if schedule::unpools(self.config, done) {
+            self.unpool(done)?;
+        }
         self.reset(done);
         self.in_partner(|trainer| {
             if let Some(plan) = trainer.plan(done, 1)? {
@@ -439,6 +458,9 @@ impl<'a> Trainer<'a> {
         }
         if partner::prunes(self.config, done) {
             self.prune_apart(done)?;
+        }
+        if schedule::prunes_floaters(self.config, done) {
+            self.prune_floaters(done)?;
         }
         self.seconds.densify += clock.elapsed().as_secs_f64();
         Ok(())

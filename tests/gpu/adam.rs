@@ -1,6 +1,8 @@
 //! Adam on the GPU against the reference, steps that do not count, and the statistics.
 
-use gspotential::doctor::adam::{CENTERS, FROZEN_BEYOND, Treatment, config, examine, workspace};
+use gspotential::doctor::adam::{
+    CENTERS, FLAT_WEIGHT, FROZEN_BEYOND, Treatment, config, examine, workspace,
+};
 use gspotential::doctor::gaussians_of;
 use gspotential::doctor::twin::cases::random_scene;
 use gspotential::gpu::Commands;
@@ -46,9 +48,19 @@ fn positions_with_rates_of_their_own_match_the_reference_and_nothing_else_does_o
         let treatment = Treatment {
             frozen_beyond,
             own_rates: true,
+            ..Treatment::ALIKE
         };
         assert_findings(&examine(&context(), 2, 2, treatment).expect("steps"));
     }
+}
+
+#[test]
+fn drawn_gaussians_become_flat_as_in_the_reference() {
+    let flattened = Treatment {
+        flat_weight: FLAT_WEIGHT,
+        ..Treatment::ALIKE
+    };
+    assert_findings(&examine(&context(), 0, 1, flattened).expect("steps"));
 }
 
 #[test]

@@ -45,7 +45,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-pub(crate) const PLANTS: [Plant; 83] = [
+pub(crate) const PLANTS: [Plant; 88] = [
     plant(
         "project",
         "+ DILATION;",
@@ -150,6 +150,18 @@ pub(crate) const PLANTS: [Plant; 83] = [
         stage::BIN_WORKGROUP,
     ),
     plant(
+        "bin_workgroup",
+        "tile & (DIGITS - 1u)",
+        "tile & (DIGITS - 2u)",
+        stage::RADIX_SORT_WORKGROUP,
+    ),
+    plant(
+        "bin_workgroup",
+        "n_chunks(totals[TOTAL_PAIRS]);",
+        "n_chunks(totals[TOTAL_PAIRS] + CHUNK);",
+        stage::RADIX_SORT_WORKGROUP,
+    ),
+    plant(
         "rasterize_workgroup",
         "raw >= vec4f(ALPHA_MIN)",
         "raw >= vec4f(2.0 * ALPHA_MIN)",
@@ -181,8 +193,14 @@ pub(crate) const PLANTS: [Plant; 83] = [
     ),
     plant(
         "rasterize_backward_workgroup",
-        "staged_pairs[j + tree]",
+        "staged_pairs[number]",
         "staged_pairs[j]",
+        stage::RASTERIZE_BACKWARD_WORKGROUP,
+    ),
+    plant(
+        "rasterize_backward_workgroup",
+        "let number = j - round * TREES + tree;",
+        "let number = j + tree;",
         stage::RASTERIZE_BACKWARD_WORKGROUP,
     ),
     plant(
@@ -476,6 +494,13 @@ pub(crate) const PLANTS: [Plant; 83] = [
         stage::ADAM,
     ),
     plant("adam", ", plane == 0u);", ", plane == 1u);", stage::ADAM),
+    plant("adam", "* exp(least);", "* exp(1.01 * least);", stage::ADAM),
+    plant(
+        "adam",
+        " && seen.radius > 0.0) {\n            gradient",
+        ") {\n            gradient",
+        stage::ADAM,
+    ),
     plant(
         "rearrange",
         "vec4f(vec3f(0.0), value.w)",

@@ -68,7 +68,7 @@ fn host_layouts() -> BTreeMap<&'static str, Layout> {
         ("Radix", layout!(RadixUniform: n, pairs, shift, pad)),
         (
             "Step",
-            layout!(StepUniform: views, geometry_rates, sh_0_rate, sh_rate, beta_1, beta_2,
+            layout!(StepUniform: views, geometry_rates, sh_0_rate, sh_rate, flat_weight, beta_1, beta_2,
                 new_share_1, new_share_2, correction_1, correction_2, epsilon, own_rates, frozen_beyond,
                 n_gaussians, stride),
         ),

@@ -367,6 +367,7 @@ fn checkpoint_file() -> Folder {
         signal: Vec::new(),
         trims: Vec::new(),
         partner: None,
+        generator: 0,
     };
     Checkpoints::new(folder.path().to_owned())
         .save(7, &state, std::iter::once(Ok(vec![1, 2, 3, 4])))
