@@ -2,17 +2,15 @@
 
 use gspotential::config::{Config, PriorLoss, PriorSource, RenderedDepth};
 use gspotential::dense::{DepthMap, normals};
-use gspotential::error::Result;
 use gspotential::gpu::Rasterizer;
 use gspotential::pipeline::{Prepared, prepare};
 use gspotential::run::Seconds;
 use gspotential::scene::Scene;
 use gspotential::scene::builtin::{BuiltinOptions, scene};
-use gspotential::train::{
-    DepthLosses, DepthTarget, LossSample, Observer, State, Trained, Trainer, fingerprint,
-};
+use gspotential::train::{DepthLosses, DepthTarget, LossSample, Trained, Trainer, fingerprint};
 
 use crate::gpu::rig::{context, context_of};
+use crate::kit::keep::Keep;
 
 fn small_scene() -> Scene {
     scene(&BuiltinOptions {
@@ -164,27 +162,6 @@ fn after_its_end_the_loss_over_the_image_has_the_last_weight_and_the_others_none
     assert!(of(&level) != whole);
 }
 
-/// Keeps a state half way.
-struct Halfway(u32, Option<(State, Vec<u8>)>);
-
-impl Observer for Halfway {
-    fn look(&mut self, _: &LossSample, _: usize) {}
-
-    fn keeps(&self, done: u32) -> bool {
-        done == self.0
-    }
-
-    fn keep(
-        &mut self,
-        state: &State,
-        buffers: &mut dyn Iterator<Item = Result<Vec<u8>>>,
-    ) -> Result<()> {
-        let buffers: Result<Vec<Vec<u8>>> = buffers.collect();
-        self.1 = Some((state.clone(), buffers?.concat()));
-        Ok(())
-    }
-}
-
 #[test]
 fn a_training_that_is_held_and_resumed_ends_with_the_same_bits() {
     let mut config = config(70);
@@ -196,13 +173,13 @@ fn a_training_that_is_held_and_resumed_ends_with_the_same_bits() {
     let (start, supervision) = (&prepared.start, &prepared.supervision);
     let trainer =
         || Trainer::new(&ctx.gpu, &ctx.kernels, start, supervision, &config).expect("fits");
-    let mut halfway = Halfway(47, None);
+    let mut halfway = Keep::at(47);
     let whole = trainer().run(&mut halfway).expect("trains");
-    let (state, buffers) = halfway.1.expect("kept");
+    let (state, buffers) = halfway.kept.expect("kept");
     let json = serde_json::to_string(&state).expect("JSON");
     let mut resumed = trainer();
     let state = serde_json::from_str(&json).expect("JSON");
-    resumed.restore(state, &buffers).expect("restores");
+    resumed.restore(state, &buffers.concat()).expect("restores");
     let resumed = resumed.run(&mut ()).expect("trains");
     assert!(whole.gaussians == resumed.gaussians);
     assert_eq!(whole.cameras, resumed.cameras);

@@ -44,6 +44,7 @@ mod peers;
 mod plot;
 mod policy;
 mod poses;
+mod presets;
 mod prior;
 mod profile;
 mod prose;

@@ -3,15 +3,15 @@
 use gspotential::camera::json::read_cameras;
 use gspotential::camera::{Camera, Frame, Motion};
 use gspotential::config::Config;
-use gspotential::error::Result;
 use gspotential::eval::PoseErrors;
 use gspotential::pipeline::{load_scene, prepare};
 use gspotential::run::{RunDir, Seconds};
 use gspotential::scene::builtin::{BuiltinOptions, scene};
 use gspotential::scene::{LoadOptions, Scene, SceneSource};
-use gspotential::train::{Observer, PoseAdam, State, Trained, Trainer, pose_rates};
+use gspotential::train::{PoseAdam, Trained, Trainer, pose_rates};
 
 use crate::gpu::rig::context;
+use crate::kit::keep::Keep;
 use crate::kit::program::succeed;
 
 fn config(iterations: u32, refine: bool) -> Config {
@@ -92,27 +92,6 @@ fn refined_poses_come_nearer_to_the_truth_and_the_loss_falls() {
     );
 }
 
-/// Keeps a state half way.
-struct Halfway(u32, Option<(State, Vec<u8>)>);
-
-impl Observer for Halfway {
-    fn look(&mut self, _: &gspotential::train::LossSample, _: usize) {}
-
-    fn keeps(&self, done: u32) -> bool {
-        done == self.0
-    }
-
-    fn keep(
-        &mut self,
-        state: &State,
-        buffers: &mut dyn Iterator<Item = Result<Vec<u8>>>,
-    ) -> Result<()> {
-        let buffers: Result<Vec<Vec<u8>>> = buffers.collect();
-        self.1 = Some((state.clone(), buffers?.concat()));
-        Ok(())
-    }
-}
-
 #[test]
 fn a_refinement_that_is_resumed_ends_with_the_same_bits() {
     let (scene, _) = jolted();
@@ -122,14 +101,14 @@ fn a_refinement_that_is_resumed_ends_with_the_same_bits() {
     let (start, supervision) = (&prepared.start, &prepared.supervision);
     let trainer =
         || Trainer::new(&ctx.gpu, &ctx.kernels, start, supervision, &config).expect("fits");
-    let mut halfway = Halfway(67, None);
+    let mut halfway = Keep::at(67);
     let whole = trainer().run(&mut halfway).expect("trains");
-    let (state, buffers) = halfway.1.expect("kept");
+    let (state, buffers) = halfway.kept.expect("kept");
     // Through the form that checkpoints store it in.
     let json = serde_json::to_string(&state).expect("JSON");
     let mut resumed = trainer();
     let state = serde_json::from_str(&json).expect("JSON");
-    resumed.restore(state, &buffers).expect("restores");
+    resumed.restore(state, &buffers.concat()).expect("restores");
     let resumed = resumed.run(&mut ()).expect("trains");
     assert!(
         whole.cameras
