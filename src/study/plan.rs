@@ -74,7 +74,8 @@ impl<'a> Base<'a> {
     }
 
     /// Makes the config: the method under the study's options, then what the preset does otherwise
-    /// than the method, then `changes` (`key=value`). A preset that trains for fewer iterations than are stated keeps them.
+    /// than the method, then `changes` (`key=value`). A preset that trains for fewer iterations than are stated keeps them;
+    /// one that would train for more has its late stages as much sooner, where it would end before them.
     ///
     /// # Errors
     /// Usage: what the config does not allow.
@@ -89,8 +90,9 @@ impl<'a> Base<'a> {
                 .map_err(|e| e.at(format!("--set {setting}")))?;
         }
         let set = Some(config.iterations).filter(|set| *set != method.iterations);
-        let own = preset.iterations;
-        config.iterations = options.iterations.or(set).map_or(own, |most| most.min(own));
+        let own_iterations = preset.iterations;
+        let most = options.iterations.or(set).unwrap_or(own_iterations);
+        config.iterations = most.min(own_iterations);
         config.scene.max_size_px = options.max_size.or(config.scene.max_size_px);
         config.scene.max_points = options.max_points.or(config.scene.max_points);
         let own = preset.differences(&method)?;
@@ -100,7 +102,15 @@ impl<'a> Base<'a> {
             .map(Difference::setting);
         // Iterations that are stated are not chosen.
         let stated = options.iterations.map(|_| "need.ends=false".to_owned());
-        for change in own.chain(stated).chain(changes.iter().cloned()) {
+        for change in own.chain(stated) {
+            config = config.set(&change)?;
+        }
+        let is_stated = |key: &str| options.settings.iter().any(|set| set.starts_with(key));
+        let sooner = in_time(&config, own_iterations);
+        let sooner = sooner
+            .into_iter()
+            .filter(|change| !is_stated(key_of(change)));
+        for change in sooner.chain(changes.iter().cloned()) {
             config = config.set(&change)?;
         }
         config.preset = preset.preset;
@@ -136,6 +146,29 @@ impl<'a> Base<'a> {
         let variant = self.variant("paper", "paper", &[])?;
         variant.job.load()
     }
+}
+
+/// Returns the settings with which late stages of a preset, made for `own` iterations, begin as much sooner as the
+/// run is shorter; those that it reaches stay.
+fn in_time(config: &Config, own: u32) -> Vec<String> {
+    let is_guided = config.coverage.prune || config.coverage.densify;
+    let stages = [
+        ("coverage.start", is_guided.then_some(config.coverage.start)),
+        ("floaters.after", config.floaters.after),
+    ];
+    let late =
+        |after: u32| (after >= config.iterations && config.iterations < own).then_some(after);
+    let sooner = |after: u32| u64::from(after) * u64::from(config.iterations) / u64::from(own);
+    let of = |(key, after): (&str, Option<u32>)| {
+        let after = sooner(after.and_then(late)?);
+        Some(format!("{key}={after}"))
+    };
+    stages.into_iter().filter_map(of).collect()
+}
+
+/// Returns what a setting sets, with the sign of equality.
+fn key_of(setting: &str) -> &str {
+    setting.find('=').map_or(setting, |at| &setting[..=at])
 }
 
 /// Refuses two scenes of one name, which would share their run directories.

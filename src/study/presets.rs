@@ -55,12 +55,9 @@ impl Study for Presets {
 
     fn variants(&self, base: &Base) -> Result<Vec<Variant>> {
         let variants = base.presets(&PRESETS)?.into_iter();
-        let with_curve = variants.map(|Variant { name, job }| Variant {
-            name: variant(&name),
-            job: TrainJob {
-                eval_every: Some((job.config.iterations / N_CURVE).max(1)),
-                ..job
-            },
+        let with_curve = variants.map(|Variant { name, job }| {
+            let name = with_curve(&name);
+            measured_on_the_way(Variant { name, job })
         });
         Ok(with_curve.collect())
     }
@@ -68,7 +65,7 @@ impl Study for Presets {
     fn methods(&self, _results: &Results) -> Vec<Method> {
         let method = |preset: &&str| Method {
             label: (*preset).to_owned(),
-            variant: variant(preset),
+            variant: with_curve(preset),
         };
         PRESETS.iter().map(method).collect()
     }
@@ -77,11 +74,11 @@ impl Study for Presets {
         let mut table = Table::new("presets", &COLUMNS);
         for scope in results.scopes() {
             for preset in PRESETS {
-                let variant = &variant(preset);
+                let variant = &with_curve(preset);
                 let figure = |of: &dyn Fn(&Finished) -> Option<f64>| scope.figure(variant, of);
                 let gained = match preset == PRESETS[0] {
                     true => String::new(),
-                    false => gain(&scope, variant, &self::variant(PRESETS[0])),
+                    false => gain(&scope, variant, &with_curve(PRESETS[0])),
                 };
                 let head = [scope.name.clone().into(), preset.into()];
                 let cells = head.into_iter().chain(quality(&scope, variant)).chain([
@@ -121,10 +118,16 @@ impl Study for Presets {
     }
 }
 
-/// Returns the variant's name, which differs from that of other studies: they have the presets
-/// without a curve.
-fn variant(preset: &str) -> String {
-    format!("curve-{preset}")
+/// Returns the name of a variant with a curve, which differs from that of studies without one.
+pub(crate) fn with_curve(name: &str) -> String {
+    format!("curve-{name}")
+}
+
+/// Has a variant measured on the way, for a curve.
+pub(crate) fn measured_on_the_way(Variant { name, job }: Variant) -> Variant {
+    let eval_every = Some((job.config.iterations / N_CURVE).max(1));
+    let job = TrainJob { eval_every, ..job };
+    Variant { name, job }
 }
 
 /// Plots the PSNR of every preset against what `at` says of a point.
@@ -141,7 +144,7 @@ fn curves(
         Axis::linear("PSNR at the test views, dB"),
     );
     for preset in PRESETS {
-        let variant = variant(preset);
+        let variant = with_curve(preset);
         let of_variant = |run: &&Finished| run.variant == variant;
         let n_points = results.runs.iter().find(of_variant);
         let n_points = n_points.map_or(0, |run| run.metrics.curve.len());

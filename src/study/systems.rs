@@ -1,12 +1,13 @@
 //! This study sets whole systems side by side, scenes and objects apart (Table 1).
 
 use super::plan::{Base, Variant};
+use super::presets::{measured_on_the_way, with_curve};
 use super::quality::{
-    COVERED, LPIPS, PSNR, SCENE, SSIM, TO_MODEL, covered_psnr, gain, psnr, quality, scenes,
+    COVERED, LPIPS, PSNR, SCENE, SSIM, TO_MODEL, covered_psnr, gain, peak, psnr, quality, scenes,
     to_model,
 };
 use super::renders::Method;
-use super::runs::{Results, Scope};
+use super::runs::{Finished, Results, Scope};
 use super::{Picture, Report, Study, file_name};
 use crate::config::{Config, PRESETS, Start};
 use crate::error::Result;
@@ -21,12 +22,14 @@ const BASELINE: &str = "3dgs";
 const ON_WHITE: &str = "white-";
 const WHITE: &str = "model.background=[1,1,1]";
 
-const COLUMNS: [Column; 10] = [
+const COLUMNS: [Column; 12] = [
     SCENE,
     Column::text("system", "system"),
     PSNR,
     SSIM,
     LPIPS,
+    Column::figure("best_psnr", "best PSNR dB", 2),
+    Column::figure("best_at", "at iteration", 0),
     TO_MODEL,
     Column::figure("train_s", "training s", 1),
     Column::figure("n_gaussians", "Gaussians", 0),
@@ -52,7 +55,7 @@ fn needs_no_masks(system: &str) -> Result<bool> {
 
 /// Returns the system's variant in a scope, where it has one.
 fn variant_in(scope: &Scope, system: &str) -> Option<String> {
-    let names = [system.to_owned(), format!("{ON_WHITE}{system}")];
+    let names = ["", ON_WHITE].map(|ground| with_curve(&format!("{ground}{system}")));
     names.into_iter().find(|name| scope.has(name))
 }
 
@@ -67,14 +70,14 @@ impl Study for Systems {
         let is_object = base.scene()?.train.iter().any(View::is_cut_out);
         let mut variants = Vec::new();
         for system in systems() {
+            let name = |ground: &str| with_curve(&format!("{ground}{system}"));
             if is_object {
-                let white = [WHITE.to_owned()];
-                variants.push(base.variant(&format!("{ON_WHITE}{system}"), system, &white)?);
+                variants.push(base.variant(&name(ON_WHITE), system, &[WHITE.to_owned()])?);
             } else if needs_no_masks(system)? {
-                variants.push(base.variant(system, system, &[])?);
+                variants.push(base.variant(&name(""), system, &[])?);
             }
         }
-        Ok(variants)
+        Ok(variants.into_iter().map(measured_on_the_way).collect())
     }
 
     fn methods(&self, results: &Results) -> Vec<Method> {
@@ -89,7 +92,8 @@ impl Study for Systems {
 
     fn report(&self, results: &Results) -> Result<Report> {
         let mut table = Table::new("systems", &COLUMNS);
-        for scope in results.scopes_by(|run| run.variant.starts_with(ON_WHITE)) {
+        let on_white = with_curve(ON_WHITE);
+        for scope in results.scopes_by(|run| run.variant.starts_with(&on_white)) {
             let Some(baseline) = variant_in(&scope, BASELINE) else {
                 continue;
             };
@@ -102,18 +106,20 @@ impl Study for Systems {
                     false => gain(&scope, &variant, &baseline),
                 };
                 let head = [scope.name.clone().into(), system.into()];
-                table.row(
-                    head.into_iter().chain(quality(&scope, &variant)).chain([
-                        scope
-                            .figure(&variant, |run| run.metrics.seconds.train)
-                            .into(),
-                        scope
-                            .figure(&variant, |run| Some(run.evaluation.n_gaussians as f64))
-                            .into(),
-                        scope.figure(&variant, covered_psnr).into(),
-                        gained.into(),
-                    ]),
-                );
+                let figure = |of: &dyn Fn(&Finished) -> Option<f64>| scope.figure(&variant, of);
+                let [psnr, ssim, lpips, to_model] = quality(&scope, &variant);
+                let best = [
+                    figure(&|run| Some(peak(run)?.1)).into(),
+                    figure(&|run| Some(peak(run)?.0)).into(),
+                ];
+                let cost = [
+                    to_model,
+                    figure(&|run| run.metrics.seconds.train).into(),
+                    figure(&|run| Some(run.evaluation.n_gaussians as f64)).into(),
+                ];
+                let end = [figure(&covered_psnr).into(), gained.into()];
+                let cells = head.into_iter().chain([psnr, ssim, lpips]);
+                table.row(cells.chain(best).chain(cost).chain(end));
             }
         }
         let shown = scenes(results);
@@ -124,6 +130,8 @@ impl Study for Systems {
             notes: vec![
                 "Other systems' rules run on this program's kernels and start; configs/README.md says what each lacks of its \
                  source. Those that start from masks are trained on objects alone."
+                    .to_owned(),
+                "The best PSNR is the highest of ten on the way: what a system reaches if it ends in time."
                     .to_owned(),
             ],
         })
