@@ -109,6 +109,7 @@ impl Made {
             psnr: Some(psnr),
             ssim: Some(psnr / 40.0),
             lpips: self.lpips.map(|_| psnr / 100.0),
+            fitted_psnr: self.masked.then_some(psnr + 3.0),
             masked: self.masked.then_some(MaskedScore {
                 psnr: Some(psnr + 5.0),
                 ssim: Some(0.9),
@@ -365,7 +366,7 @@ fn lpips_of_different_nets_and_ranges_stand_apart() {
 }
 
 #[test]
-fn masked_and_covered_figures_have_columns_of_their_own() {
+fn fitted_masked_and_covered_figures_have_columns_of_their_own() {
     let text = table(&[
         Made {
             masked: true,
@@ -374,8 +375,9 @@ fn masked_and_covered_figures_have_columns_of_their_own() {
         BASELINE,
     ]);
     let cells = rows(&text);
-    assert_eq!(cells[0][5..9], ["25.00", "0.900", "n/a", "22.00"]);
-    assert_eq!(cells[1][5..9], ["n/a", "n/a", "n/a", "n/a"]);
+    assert_eq!(cells[0][5..10], ["23.00", "25.00", "0.900", "n/a", "22.00"]);
+    assert_eq!(cells[1][5..10], ["n/a"; 5]);
+    assert!(text.contains("best 3x4 colour matrix"), "{text}");
     assert!(text.contains("the same pixels for every run"), "{text}");
     assert!(text.contains("Masked: PSNR of the mask's pixels"), "{text}");
 }
@@ -447,6 +449,7 @@ fn json_and_csv_hold_every_field_of_every_run() {
         ("method", "paper (loss.ssim_weight=0.3)".into()),
         ("changes", "iterations=500; loss.ssim_weight=0.3".into()),
         ("seed", 4.into()),
+        ("fitted_psnr_db", serde_json::json!(23.0)),
         ("masked_psnr_db", serde_json::json!(25.0)),
         ("n_masked_views", 2.into()),
         ("covered_psnr_db", serde_json::json!(22.0)),

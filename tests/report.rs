@@ -185,11 +185,12 @@ fn evaluation_table_tells_infinite_from_not_measured() {
         psnr: Some(psnr),
         ssim: Some(0.12345),
         lpips: None,
+        fitted_psnr: None,
         masked: None,
         covered: None,
     };
-    let views = vec![view("a", f64::INFINITY), view("b", 21.456)];
-    let text = evaluation_table("garden", &Evaluation::new(views, 1234, None));
+    let mut views = vec![view("a", f64::INFINITY), view("b", 21.456)];
+    let text = evaluation_table("garden", &Evaluation::new(views.clone(), 1234, None));
     let row = |start: &str| {
         let line = text.lines().find(|line| line.starts_with(start)).unwrap();
         line.split('|')
@@ -200,6 +201,18 @@ fn evaluation_table_tells_infinite_from_not_measured() {
     assert_eq!(row("| b "), ["", "b", "21.46", "0.1235", "n/a", ""]);
     assert_eq!(row("| **mean")[2..5], ["inf", "0.1235", "n/a"]);
     assert!(text.contains("1234 Gaussians, trained in n/a s"), "{text}");
+    assert!(!text.contains("fitted"), "{text}");
+    // What is left after a fit of colours has a column where it was measured.
+    views[0].fitted_psnr = Some(f64::INFINITY);
+    views[1].fitted_psnr = Some(22.5);
+    let text = evaluation_table("garden", &Evaluation::new(views, 1234, None));
+    for part in [
+        "| fitted PSNR dB |",
+        "|          22.50 |",
+        "Fitted: PSNR after",
+    ] {
+        assert!(text.contains(part), "no `{part}` in {text}");
+    }
 }
 
 /// Lines that a test can read.

@@ -22,6 +22,7 @@ fn view(name: &str, psnr: f64, ssim: f64) -> ViewScore {
         psnr: Some(psnr),
         ssim: Some(ssim),
         lpips: None,
+        fitted_psnr: Some(psnr + 1.0),
         masked: None,
         covered: None,
     }
@@ -115,15 +116,16 @@ fn evaluation_has_the_mean_of_the_views_values_and_null_for_the_rest() {
         serde_json::json!({
             "mean": {"psnr": 15.0, "ssim": 0.5, "lpips": null},
             "views": [
-                {"name": "a", "psnr": 10.0, "ssim": 0.25, "lpips": null, "masked": null,
-                 "covered": null},
-                {"name": "b", "psnr": 20.0, "ssim": 0.75, "lpips": null, "masked": null,
-                 "covered": null},
+                {"name": "a", "psnr": 10.0, "ssim": 0.25, "lpips": null, "fitted_psnr": 11.0,
+                 "masked": null, "covered": null},
+                {"name": "b", "psnr": 20.0, "ssim": 0.75, "lpips": null, "fitted_psnr": 21.0,
+                 "masked": null, "covered": null},
             ],
             "n_gaussians": 42,
             "train_s": 1.5,
             "point_splat": null,
             "mean_masked": null,
+            "mean_fitted_psnr": 16.0,
             "mean_covered": null,
             "measured": null,
         })
@@ -142,6 +144,7 @@ fn an_evaluation_of_an_older_version_can_be_read() {
     let evaluation = run.evaluation().unwrap();
     assert_eq!(evaluation.mean.psnr, Some(15.0));
     assert!(evaluation.measured.is_none() && evaluation.views[0].masked.is_none());
+    assert!(evaluation.mean_fitted_psnr.is_none());
 }
 
 #[test]

@@ -162,6 +162,7 @@ fn score_image(
         psnr: Some(metrics::psnr(render, truth)?),
         ssim: Some(metrics::ssim(render, truth)?),
         lpips: lpips.map(|l| l.distance(render, truth)).transpose()?,
+        fitted_psnr: Some(metrics::errors::fitted_psnr(render, truth)?),
         masked: match &view.mask {
             Some(mask) => score_masked(render, truth, &mask.set, lpips)?,
             None => None,

@@ -6,6 +6,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::psnr::psnr_of;
 use super::{Pixels, check_pair};
 use crate::error::Result;
 
@@ -75,6 +76,17 @@ pub fn fitted_error(render: &impl Pixels, photograph: &impl Pixels, fit: ColourF
         ColourFit::Matrix => explained(own, cross),
     };
     Ok((total - explained).max(0.0))
+}
+
+/// Returns PSNR, dB, after the render's colours were fitted to the photograph's by the best 3x4 matrix
+/// ([`fitted_error`]): what exposure and white balance take of it is the difference to PSNR itself. It looks at the
+/// photograph, and stands beside PSNR, never in its place.
+///
+/// # Errors
+/// As [`squared_errors`].
+pub fn fitted_psnr(render: &impl Pixels, photograph: &impl Pixels) -> Result<f64> {
+    let left = fitted_error(render, photograph, ColourFit::Matrix)?;
+    Ok(psnr_of(left, render.n_values()))
 }
 
 /// Returns how much of the squares the best matrix explains, by the pseudo-inverse of `own`.

@@ -42,7 +42,8 @@ fn squared_error(
         .sum()
 }
 
-fn psnr_of(squared_error: f64, n: usize) -> f64 {
+/// Returns the PSNR of `n` values whose squared errors, in levels, add up to so much.
+pub(super) fn psnr_of(squared_error: f64, n: usize) -> f64 {
     let mse = squared_error / (255.0 * 255.0 * n as f64);
     20.0 * (1.0 / mse.sqrt()).log10()
 }

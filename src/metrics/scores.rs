@@ -82,6 +82,10 @@ pub struct ViewScore {
     pub ssim: Option<f64>,
     /// Smaller is nearer; null if LPIPS was not measured.
     pub lpips: Option<f64>,
+    /// PSNR after the render's colours were fitted to the photograph's ([`fitted_psnr`](super::errors::fitted_psnr)), dB;
+    /// null in files of older versions.
+    #[serde(default)]
+    pub fitted_psnr: Option<f64>,
     /// Scores over the view's mask; null for a view without a mask, or with an empty one.
     #[serde(default)]
     pub masked: Option<MaskedScore>,

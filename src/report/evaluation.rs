@@ -16,6 +16,8 @@ pub fn view_table(evaluation: &Evaluation) -> Table {
         Column::number("ssim", "SSIM", 4),
         Column::number("lpips", "LPIPS", 4).headed(lpips),
     ];
+    let fitted = evaluation.mean_fitted_psnr;
+    columns.extend(fitted.map(|_| Column::number("fitted_psnr", "fitted PSNR dB", 2)));
     if evaluation.mean_masked.is_some() {
         columns.extend([
             Column::number("masked_psnr", "masked PSNR dB", 2),
@@ -34,6 +36,7 @@ pub fn view_table(evaluation: &Evaluation) -> Table {
         let masked = view.masked.as_ref();
         let mut row: Vec<Cell> = vec![(&view.name).into()];
         row.extend([view.psnr, view.ssim, view.lpips].map(Cell::from));
+        row.extend(fitted.map(|_| Cell::from(view.fitted_psnr)));
         if evaluation.mean_masked.is_some() {
             row.extend([
                 masked.and_then(|m| m.psnr).into(),
@@ -47,6 +50,7 @@ pub fn view_table(evaluation: &Evaluation) -> Table {
     let mean = &evaluation.mean;
     let mut row: Vec<Cell> = vec![format!("**mean of {}**", evaluation.views.len()).into()];
     row.extend([mean.psnr, mean.ssim, mean.lpips].map(Cell::from));
+    row.extend(fitted.map(|_| Cell::from(fitted)));
     if let Some(masked) = &evaluation.mean_masked {
         let mean = masked.mean;
         row.extend([mean.psnr, mean.ssim, mean.lpips].map(Cell::from));
@@ -75,6 +79,9 @@ pub fn evaluation_table(run: &str, evaluation: &Evaluation) -> String {
             100.0 * splat.coverage
         );
     }
+    if evaluation.mean_fitted_psnr.is_some() {
+        out += &format!("\n{FITTED}\n");
+    }
     if let Some(masked) = &evaluation.mean_masked {
         let (n, all) = (masked.n_views, evaluation.views.len());
         out += &format!("\n{}; {n} of {all} views have one\n", MASKED);
@@ -90,6 +97,10 @@ pub fn evaluation_table(run: &str, evaluation: &Evaluation) -> String {
     }
     out
 }
+
+/// What the fitted column is.
+pub(super) const FITTED: &str = "Fitted: PSNR after the best 3x4 colour matrix for each view, which looks at its \
+     photograph: what it gains is exposure and white balance";
 
 /// What the masked columns are.
 pub(super) const MASKED: &str = "Masked: PSNR of the mask's pixels, SSIM's map averaged over \

@@ -20,6 +20,9 @@ pub struct Evaluation {
     /// Means over the masks of the views that have one; null if none has.
     #[serde(default)]
     pub mean_masked: Option<MaskedMean>,
+    /// Mean PSNR after each view's colours were fitted, dB; null in files of older versions.
+    #[serde(default)]
+    pub mean_fitted_psnr: Option<f64>,
     /// Mean over the covered pixels of the views that have some; null in files of older versions.
     #[serde(default)]
     pub mean_covered: Option<CoveredScore>,
@@ -79,6 +82,7 @@ impl Evaluation {
                     lpips: mean(masked.iter().map(|score| score.lpips)),
                 },
             }),
+            mean_fitted_psnr: mean(views.iter().map(|view| view.fitted_psnr)),
             mean_covered: coverage.map(|coverage| CoveredScore {
                 psnr: mean(covered.iter().filter(|s| s.coverage > 0.0).map(|s| s.psnr)),
                 coverage,
@@ -99,7 +103,12 @@ impl Evaluation {
                 *psnr = Some(f64::INFINITY);
             }
         };
+        // Identical images are so after a fit, too; a null beside a finite PSNR was not measured.
+        let restore_fitted = |fitted: &mut Option<f64>, psnr: Option<f64>| {
+            restore(fitted, psnr.filter(|psnr| psnr.is_infinite()));
+        };
         restore(&mut self.mean.psnr, self.mean.ssim);
+        restore_fitted(&mut self.mean_fitted_psnr, self.mean.psnr);
         if let Some(MaskedMean { mean, .. }) = &mut self.mean_masked {
             restore(&mut mean.psnr, mean.ssim);
         }
@@ -113,6 +122,7 @@ impl Evaluation {
         }
         for view in &mut self.views {
             restore(&mut view.psnr, view.ssim);
+            restore_fitted(&mut view.fitted_psnr, view.psnr);
             if let Some(masked) = &mut view.masked {
                 restore(&mut masked.psnr, masked.ssim);
             }

@@ -1,6 +1,6 @@
 //! Errors by pixel and what takes them away: planted exposure changes, colour casts and shifts.
 
-use gspotential::metrics::errors::{ColourFit, edges, fitted_error, squared_errors};
+use gspotential::metrics::errors::{ColourFit, edges, fitted_error, fitted_psnr, squared_errors};
 use gspotential::scene::Image;
 
 use super::noise;
@@ -105,6 +105,9 @@ fn a_planted_exposure_change_is_found_by_the_fit_of_its_kind_alone() {
         left(&mixed, ColourFit::Matrix),
     );
     assert!(gains > 0.1 && matrix < 1e-3, "{gains} {matrix}");
+    let as_it_is = gspotential::metrics::psnr(&mixed, &photograph).expect("a pair");
+    let fitted = fitted_psnr(&mixed, &photograph).expect("a pair");
+    assert!(as_it_is < 25.0 && fitted > 50.0, "{as_it_is} {fitted}");
     // A shift is no exposure.
     let moved = shifted(&photograph, 1, 0);
     assert!(left(&moved, ColourFit::Matrix) > 0.4);

@@ -98,6 +98,7 @@ pub(crate) fn finished(root: &Path, name: &str) -> RunDir {
         psnr: Some(12.34),
         ssim: Some(0.5),
         lpips: None,
+        fitted_psnr: None,
         masked: None,
         covered: None,
     };

@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::{Block, ComparedRun, Comparison, Row};
 use crate::metrics::{CoveredScore, LpipsRecord, Mean};
-use crate::report::evaluation::{COVERED, MASKED, how, lpips_hint};
+use crate::report::evaluation::{COVERED, FITTED, MASKED, how, lpips_hint};
 use crate::report::stats::Figure;
 use crate::report::table::{Cell, Column, Table, escaped};
 
@@ -29,6 +29,7 @@ impl Measure {
 const PSNR: Column = Column::figure("psnr", "PSNR dB", 2).higher_is_better();
 const SSIM: Column = Column::figure("ssim", "SSIM", 3).higher_is_better();
 const LPIPS: Column = Column::figure("lpips", "LPIPS", 3).lower_is_better();
+const FITTED_PSNR: Column = Column::figure("fitted_psnr", "fitted PSNR dB", 2).higher_is_better();
 const MASKED_PSNR: Column = Column::figure("masked_psnr", "masked PSNR dB", 2).higher_is_better();
 const MASKED_SSIM: Column = Column::figure("masked_ssim", "masked SSIM", 3).higher_is_better();
 const COVERED_PSNR: Column =
@@ -43,6 +44,11 @@ fn measures(runs: &[ComparedRun]) -> Vec<Measure> {
         Measure::new(SSIM, |run| run.evaluation.mean.ssim),
     ];
     measures.extend(lpips_measures(runs, "", |run| run.evaluation.mean.lpips));
+    if any_fitted(runs) {
+        measures.push(Measure::new(FITTED_PSNR, |run| {
+            run.evaluation.mean_fitted_psnr
+        }));
+    }
     if any_masked(runs) {
         measures.extend([
             Measure::new(MASKED_PSNR, |run| masked(run)?.psnr),
@@ -61,6 +67,11 @@ fn measures(runs: &[ComparedRun]) -> Vec<Measure> {
         }),
     ]);
     measures
+}
+
+fn any_fitted(runs: &[ComparedRun]) -> bool {
+    runs.iter()
+        .any(|run| run.evaluation.mean_fitted_psnr.is_some())
 }
 
 fn any_masked(runs: &[ComparedRun]) -> bool {
@@ -167,6 +178,9 @@ impl Comparison<'_> {
         let mut notes = Vec::new();
         notes.extend(self.shared_settings());
         notes.push(self.what_figures_are());
+        if any_fitted(self.runs) {
+            notes.push(format!("{FITTED}."));
+        }
         if any_masked(self.runs) {
             notes.push(format!("{MASKED}."));
         }
