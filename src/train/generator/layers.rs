@@ -178,9 +178,14 @@ pub(super) fn n_held(layers: &[Layer], mut n_columns: usize) -> usize {
     sum
 }
 
+/// Returns a matrix of zeros; nalgebra's own writes them one by one.
+fn zeros<T: Real>(n_rows: usize, n_columns: usize) -> DMatrix<T> {
+    DMatrix::from_vec(n_rows, n_columns, vec![T::zero(); n_rows * n_columns])
+}
+
 /// Puts the rows of `a` above those of `b`.
 pub(super) fn stacked<T: Real>(a: &DMatrix<T>, b: &DMatrix<T>) -> DMatrix<T> {
-    let mut both = DMatrix::zeros(a.nrows() + b.nrows(), a.ncols());
+    let mut both = zeros(a.nrows() + b.nrows(), a.ncols());
     both.rows_mut(0, a.nrows()).copy_from(a);
     both.rows_mut(a.nrows(), b.nrows()).copy_from(b);
     both
@@ -192,7 +197,7 @@ fn surroundings<T: Real>(image: &DMatrix<T>, pixels: Range<usize>, taps: usize) 
     if taps == 1 {
         return image.columns_range(pixels).into_owned();
     }
-    let mut columns = DMatrix::zeros(taps * n, pixels.len());
+    let mut columns = zeros(taps * n, pixels.len());
     let (from, to) = (image.as_slice(), columns.as_mut_slice());
     for (at, pixel) in pixels.enumerate() {
         for tap in 0..taps {
@@ -215,7 +220,7 @@ fn linear<T: Real>(
     taps: usize,
 ) -> DMatrix<T> {
     let n_out = weights.nrows();
-    let mut out = DMatrix::zeros(n_out, image.ncols());
+    let mut out = zeros(n_out, image.ncols());
     let chunks = out.as_mut_slice().par_chunks_mut(n_out * COLUMNS);
     chunks.enumerate().for_each(|(k, chunk)| {
         let n = chunk.len() / n_out;
@@ -239,13 +244,12 @@ fn add_weights<T: Real>(
     let parts = (0..n_chunks).into_par_iter().map(|k| {
         let columns = k * COLUMNS..((k + 1) * COLUMNS).min(start.ncols());
         let d = d_out.columns_range(columns.clone());
-        (
-            d * surroundings(start, columns, taps).transpose(),
-            d.column_sum(),
-        )
+        // The smaller of the two matrices is the one to transpose.
+        let turned = surroundings(start, columns, taps) * d.transpose();
+        (turned, d.column_sum())
     });
-    for (d_weights, d_biases) in parts.collect::<Vec<_>>() {
-        weights.add(gradient, d_weights.as_slice());
+    for (turned, d_biases) in parts.collect::<Vec<_>>() {
+        weights.add(gradient, turned.transpose().as_slice());
         biases.add(gradient, d_biases.as_slice());
     }
 }
@@ -317,7 +321,7 @@ fn normalize_backward<T: Real>(
 
 fn double<T: Real>(image: &DMatrix<T>) -> DMatrix<T> {
     let (n, side) = (image.nrows(), image.ncols().isqrt());
-    let mut out = DMatrix::zeros(n, 4 * image.ncols());
+    let mut out = zeros(n, 4 * image.ncols());
     for (i, mut column) in out.column_iter_mut().enumerate() {
         let (row, at) = (i / (2 * side), i % (2 * side));
         column.copy_from(&image.column(row / 2 * side + at / 2));
@@ -328,7 +332,7 @@ fn double<T: Real>(image: &DMatrix<T>) -> DMatrix<T> {
 /// Sums the four pixels up that one has become.
 fn halve<T: Real>(image: &DMatrix<T>) -> DMatrix<T> {
     let (n, side) = (image.nrows(), image.ncols().isqrt());
-    let mut out = DMatrix::zeros(n, image.ncols() / 4);
+    let mut out = zeros(n, image.ncols() / 4);
     for (i, column) in image.column_iter().enumerate() {
         let (row, at) = (i / side, i % side);
         let mut sum = out.column_mut(row / 2 * (side / 2) + at / 2);
