@@ -1,7 +1,10 @@
 //! The built-in object, the visual hull of its masks, and the Gaussians that lie apart from it.
 
 use glam::{DVec3, Vec3};
+use gspotential::camera::Camera;
 use gspotential::cloud::hull::visual_hull;
+use gspotential::cloud::outline::Outline;
+use gspotential::cloud::splat::splat_views;
 use gspotential::config::{Config, OutsideMask};
 use gspotential::pipeline::{Prepared, focus_of, load_scene, prepare};
 use gspotential::run::Seconds;
@@ -395,4 +398,85 @@ fn outliers_go_in_training_and_are_counted_and_without_the_key_none_does() {
             .all(|plan| plan.counts.pruned_outliers == 0)
     );
     assert_eq!(without.gaussians.len(), 600);
+}
+
+fn cameras(views: &[View]) -> Vec<Camera> {
+    views.iter().map(|view| view.camera.clone()).collect()
+}
+
+#[test]
+fn the_outline_is_ground_beyond_the_hull_and_leaves_the_splats_rim_out() {
+    const RIM: usize = 4;
+    const GROUND: [u8; 4] = [255; 4];
+    let scene = object();
+    let (_, frame) = focus_of(&scene).expect("a focus");
+    let outline = Outline::of(&scene.train, &scene.cloud, &frame, [1.0; 3], RIM as f64);
+    let outline = outline.expect("an outline");
+    let splat = Config::preset("paper").expect("a preset").splat;
+    let of = (&*cameras(&scene.test), &*cameras(&scene.train));
+    let splats = splat_views(&scene.cloud, &frame, of, &splat, frame.near(0.01)).expect("splats");
+    for (view, splat) in scene.test.iter().zip(splats) {
+        let mut drawn = splat.clone();
+        outline.draw(&view.camera, &mut drawn);
+        let covered: Vec<bool> = splat.mask().collect();
+        let width = splat.width as usize;
+        let is_rim = |i: usize| {
+            let near = |at: usize, limit: usize| at.saturating_sub(RIM)..=(at + RIM).min(limit - 1);
+            let mut rows = near(i / width, covered.len() / width);
+            rows.any(|y| near(i % width, width).any(|x| !covered[y * width + x]))
+        };
+        let (mut n_ground, mut n_kept, mut n_kept_within) = (0, 0, 0);
+        let texels = drawn.rgba.chunks_exact(4).zip(splat.rgba.chunks_exact(4));
+        for (i, (pixel, before)) in texels.enumerate() {
+            let name = format!("{} {i}", view.camera.name);
+            if pixel[3] == 0 {
+                continue;
+            } else if pixel == GROUND && before != GROUND {
+                assert!(!set(view)[i], "{name} shows the subject");
+                n_ground += 1;
+            } else {
+                assert!(pixel == before && !is_rim(i), "{name} is rim");
+                n_kept += 1;
+                n_kept_within += usize::from(set(view)[i]);
+            }
+        }
+        let n_empty = set(view).iter().filter(|set| !**set).count();
+        assert!(n_ground * 10 > n_empty * 8, "{n_ground} of {n_empty}");
+        // Discs of up to four pixels reach beyond the subject; what is left of them hardly does.
+        let n_within = covered.iter().zip(set(view)).filter(|(c, s)| **c && **s);
+        let before = n_within.count() as f64 / covered.iter().filter(|c| **c).count() as f64;
+        let after = n_kept_within as f64 / f64::from(n_kept);
+        assert!(
+            n_kept > 20 && after > 0.97 && before < 0.8,
+            "{n_kept}: {before} {after}"
+        );
+    }
+    // A photograph that has a part of the subject alone bounds that part.
+    let mut cropped = scene;
+    let width = cropped.train[0].image.width as usize;
+    let mask = cropped.train[0].mask.as_mut().expect("a mask");
+    let columns = mask.set.iter_mut().enumerate();
+    columns.for_each(|(i, set)| *set &= i % width < width / 2);
+    let (train, cloud) = (&cropped.train, &cropped.cloud);
+    assert!(Outline::of(train, cloud, &frame, [1.0; 3], 4.0).is_none());
+}
+
+#[test]
+fn virtual_views_have_an_outline_where_it_is_asked_for_and_grounds_are_the_same() {
+    let first_texels = |changes: &[&str]| -> Vec<u32> {
+        let preset = Config::preset("gspotential").expect("a preset");
+        let config = changes.iter().fold(preset, |config, change| {
+            config.set(change).expect("a setting")
+        });
+        let scene = object_with(&LoadOptions::new(&config));
+        let prepared = prepare(&scene, &config, &mut Seconds::default()).expect("prepares");
+        let views = prepared.supervision.virtual_views.iter();
+        views.map(|view| view.goal.texels()[0]).collect()
+    };
+    let few = ["views.count=8", "scene.n_test=2"];
+    let with = |change| first_texels(&[few[0], few[1], "model.background=[1,0,0]", change]);
+    let count = |texels: Vec<u32>, texel: u32| texels.into_iter().filter(|t| *t == texel).count();
+    assert!(count(with("splat.outline=true"), 0xff00_00ff) > 4);
+    assert_eq!(count(with("splat.outline=false"), 0xff00_00ff), 0);
+    assert_eq!(count(with("loss.random_background=true"), 0xff00_00ff), 0);
 }

@@ -20,6 +20,7 @@ fn config(footprint: Footprint, filter_window_px: u32, filter_min_neighbors: u32
         filter_window_px,
         filter_min_neighbors,
         colors: ColorSource::Points,
+        outline: false,
     }
 }
 

@@ -22,6 +22,7 @@ const BARE: SplatConfig = SplatConfig {
     filter_window_px: 1,
     filter_min_neighbors: 0,
     colors: ColorSource::Points,
+    outline: false,
 };
 
 fn config() -> VisibilityConfig {

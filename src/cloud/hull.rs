@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::scene::{PointCloud, View};
 
 /// Places of the first grid along each axis.
-const COARSE: usize = 200;
+pub(super) const COARSE: usize = 200;
 
 /// Places of the second.
 const FINE: usize = 64;
@@ -68,15 +68,22 @@ fn nothing() -> Error {
 }
 
 /// Places in a box of the world, in the middle of `n` cells along each axis.
-struct Grid {
-    n: usize,
-    low: DVec3,
-    high: DVec3,
+pub(super) struct Grid {
+    pub(super) n: usize,
+    pub(super) low: DVec3,
+    pub(super) high: DVec3,
 }
 
 impl Grid {
-    fn cell(&self) -> DVec3 {
+    /// Returns the sides of a cell.
+    pub(super) fn cell(&self) -> DVec3 {
         (self.high - self.low) / self.n as f64
+    }
+
+    /// Returns place `i`: x runs fastest, then y.
+    pub(super) fn place(&self, i: usize) -> DVec3 {
+        let [x, y, z] = [i % self.n, i / self.n % self.n, i / self.n.pow(2)].map(|at| at as f64);
+        self.low + (DVec3::new(x, y, z) + DVec3::splat(0.5)) * self.cell()
     }
 
     /// Returns the places that all views but one agree with, layer by layer.
@@ -84,8 +91,7 @@ impl Grid {
         let least = views.len().saturating_sub(1).max(1);
         let layers = (0..self.n).into_par_iter().map(|z| {
             let layer = (0..self.n * self.n).filter_map(|i| {
-                let cell = DVec3::new((i % self.n) as f64, (i / self.n) as f64, z as f64);
-                let place = self.low + (cell + DVec3::splat(0.5)) * self.cell();
+                let place = self.place(z * self.n * self.n + i);
                 let seen = views.iter().filter_map(|view| seen_at(view, place));
                 let (n, sum) = seen.fold((0, [0; 3]), |(n, sum), rgb| {
                     (n + 1, [0, 1, 2].map(|c| sum[c] + u32::from(rgb[c])))

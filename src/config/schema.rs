@@ -232,6 +232,9 @@ section! {
         /// `photographs`, warped by the cloud's depth, where one sees the surface; or a `blend` of both by the
         /// errors that each has at the photographs, which also weighs the pixels. The last two want discs.
         colors: ColorSource = ColorSource::Points, any();
+        /// Virtual views of a subject that is cut out of the photographs show the background beyond the visual hull of the
+        /// masks (Laurentini 1994), and pixels at the splat's rim do not count; a random background leaves them as they are.
+        outline: bool = false, any();
     }
 }
 

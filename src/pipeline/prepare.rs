@@ -10,6 +10,7 @@ use crate::camera::{Camera, Frame};
 use crate::cloud::agreement::Agreement;
 use crate::cloud::carve::{Carved, carve};
 use crate::cloud::hull::visual_hull;
+use crate::cloud::outline::Outline;
 use crate::cloud::splat::{SplatImage, fill_holes, splat_where};
 use crate::cloud::visibility::{Visibility, candidate_shares};
 use crate::cloud::warp::Warp;
@@ -89,7 +90,9 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
         )?,
     };
     let cameras = (&virtual_cameras[..], &train_cameras[..]);
-    let goals = splatted(cloud, &frame, cameras, (fill_weight, warp.as_ref()), config)?;
+    let outline = outline(&scene.train, cloud, &frame, config);
+    let painted = (fill_weight, warp.as_ref(), outline.as_ref());
+    let goals = splatted(cloud, &frame, cameras, painted, config)?;
     seconds.splat = Some(clock.lap());
 
     let hull = match config.model.start {
@@ -115,6 +118,13 @@ pub fn prepare(scene: &Scene, config: &Config, seconds: &mut Seconds) -> Result<
     if is_cut_out(scene) && (config.shell.count > 0 || config.loss.fill_weight > 0.0) {
         warnings.push(
             "the subject is cut out by its masks: no far shell and no filled holes".to_owned(),
+        );
+    }
+    if is_cut_out(scene) && wants_outline(config) && outline.is_none() {
+        warnings.push(
+            "virtual views do not show the background: the masks bound no subject that holds the cloud; is it whole in every \
+             photograph?"
+                .to_owned(),
         );
     }
     if config.optimizer.confidence_gain > 0.0 && thinned.confidence.is_none() {
@@ -204,6 +214,18 @@ fn is_cut_out(scene: &Scene) -> bool {
     scene.train.iter().any(View::is_cut_out)
 }
 
+/// Returns the outline that virtual views have, if `config` asks for it and the subject is cut out.
+fn outline(train: &[View], cloud: &PointCloud, frame: &Frame, config: &Config) -> Option<Outline> {
+    let (ground, radius) = (config.model.background, config.splat.max_radius_px);
+    wants_outline(config)
+        .then(|| Outline::of(train, cloud, frame, ground, radius))
+        .flatten()
+}
+
+fn wants_outline(config: &Config) -> bool {
+    config.splat.outline && config.views.count > 0 && !config.loss.random_background
+}
+
 /// Carves the scene's cloud if `config` asks for it.
 pub(super) fn carved(scene: &Scene, frame: &Frame, config: &Config) -> Result<Option<Carved>> {
     let near = frame.near(config.model.near);
@@ -239,13 +261,13 @@ pub(super) fn choose_views(
 }
 
 /// Splats the cloud into the virtual views as their target images, as far as the training cameras
-/// see it if `config` asks for that, and has the `warp` paint them. It goes portion by portion to show how far it is, and packs so
+/// see it if `config` asks for that, and has the `warp` paint them and the `outline` bound them. It goes portion by portion to show how far it is, and packs so
 /// that never more than a portion is held as it is.
 fn splatted(
     cloud: &PointCloud,
     frame: &Frame,
     (cameras, train): (&[Camera], &[Camera]),
-    (fill_weight, warp): (f64, Option<&Warp<'_>>),
+    (fill_weight, warp, outline): (f64, Option<&Warp<'_>>, Option<&Outline>),
     config: &Config,
 ) -> Result<Vec<Goal>> {
     let near = frame.near(config.model.near);
@@ -268,6 +290,10 @@ fn splatted(
         let mut splats = splat_where(cloud, frame, (part, train), &config.splat, near, shows)?;
         if let Some(warp) = warp {
             warp.paint(part, &mut splats)?;
+        }
+        if let Some(outline) = outline {
+            let views = part.par_iter().zip(&mut splats);
+            views.for_each(|(camera, splat)| outline.draw(camera, splat));
         }
         goals.extend(virtual_goals(splats, fill_weight));
         progress.advance(goals.len() as u32);

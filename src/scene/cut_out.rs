@@ -22,7 +22,7 @@ pub(super) fn keep_within_masks(
     let n = cloud.len();
     let positions = cloud.positions.par_iter();
     let kept: Vec<bool> = positions
-        .map(|p| train.iter().all(|view| !is_outside(view, *p)))
+        .map(|p| train.iter().all(|view| view.has_within(*p) != Some(false)))
         .collect();
     if kept.iter().all(|kept| *kept) {
         return None;
@@ -36,19 +36,20 @@ pub(super) fn keep_within_masks(
     Some(whole)
 }
 
-/// Returns whether the point lies in the view's frame and the mask of its cut-out subject sets
-/// nothing around it.
-fn is_outside(view: &View, point: DVec3) -> bool {
-    let Some(mask) = view.mask.as_ref().filter(|_| view.is_cut_out()) else {
-        return false;
-    };
-    let (pixel, depth) = view.camera.project(point);
-    let (width, height) = (view.image.width as usize, view.image.height as usize);
-    let is_in = |at: f64, size: usize| (0.0..size as f64).contains(&at);
-    if depth <= 0.0 || !is_in(pixel.x, width) || !is_in(pixel.y, height) {
-        return false;
+impl View {
+    /// Returns whether the mask of a cut-out subject sets a pixel at a point of the world or beside it; `None` where the
+    /// subject is not cut out, or the point does not lie in the frame.
+    pub(crate) fn has_within(&self, point: DVec3) -> Option<bool> {
+        let mask = self.mask.as_ref().filter(|_| self.is_cut_out())?;
+        let (pixel, depth) = self.camera.project(point);
+        let (width, height) = (self.image.width as usize, self.image.height as usize);
+        let is_in = |at: f64, size: usize| (0.0..size as f64).contains(&at);
+        if depth <= 0.0 || !is_in(pixel.x, width) || !is_in(pixel.y, height) {
+            return None;
+        }
+        let beside =
+            |at: f64, size: usize| (at as usize).saturating_sub(1)..(at as usize + 2).min(size);
+        let is_set = |y: usize| beside(pixel.x, width).any(|x| mask.set[y * width + x]);
+        Some(beside(pixel.y, height).any(is_set))
     }
-    let beside =
-        |at: f64, size: usize| (at as usize).saturating_sub(1)..(at as usize + 2).min(size);
-    !beside(pixel.y, height).any(|y| beside(pixel.x, width).any(|x| mask.set[y * width + x]))
 }
