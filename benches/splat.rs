@@ -319,6 +319,7 @@ fn fronts(scene: &Scene, frame: &Frame, views: &[Camera], near: f64) -> Result<V
         filter_window_px: 1,
         filter_min_neighbors: 0,
         colors: ColorSource::Points,
+        outline: false,
     };
     let depths = splat_depths(&scene.cloud, frame, (views, &[]), &bare, near)?;
     let fronts = depths.iter().zip(views).map(|(depths, view)| {
