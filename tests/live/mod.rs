@@ -34,7 +34,8 @@ fn parts(address: &str) -> (&str, &str) {
     rest.split_at(slash)
 }
 
-/// Sends `request` as it is and reads to the end; `None` if the connection is not answered.
+/// Sends `request` as it is and reads to the end; `None` if the connection is not answered in full,
+/// as when the program ends meanwhile.
 fn send(host: &str, request: &str) -> Option<Answer> {
     let mut stream = TcpStream::connect(host).ok()?;
     stream
@@ -45,10 +46,15 @@ fn send(host: &str, request: &str) -> Option<Answer> {
     stream.read_to_end(&mut bytes).ok()?;
     let end = bytes.windows(4).position(|w| w == b"\r\n\r\n")?;
     let head = String::from_utf8(bytes[..end].to_vec()).ok()?;
+    let body = bytes[end + 4..].to_vec();
+    let length = head
+        .lines()
+        .find_map(|line| line.strip_prefix("Content-Length: "))?;
+    (length.parse() == Ok(body.len())).then_some(())?;
     Some(Answer {
         status: head.split(' ').nth(1)?.parse().ok()?,
         head,
-        body: bytes[end + 4..].to_vec(),
+        body,
     })
 }
 
