@@ -387,6 +387,8 @@ impl Task<'_> {
         // A run that goes on has taken more than this process sees.
         let meter = EnergyMeter::start(Path::new(COUNTERS)).filter(|_| done == 0);
         let trained = trainer.run(&mut watch);
+        // The iterations have a clock of their own, which goes on where an interrupted run is resumed.
+        clock.lap();
         drop(gentle);
         watch.log.energy_j = meter.and_then(|meter| meter.joules());
         watch.log.train_s = watch.train_s();
