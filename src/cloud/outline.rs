@@ -47,9 +47,12 @@ impl Outline {
         background: [f64; 3],
         max_radius_px: f64,
     ) -> Option<Outline> {
+        if !views.iter().all(View::is_cut_out) {
+            return None;
+        }
         let within = cloud.positions.par_iter();
         let within = within.filter(|place| is_shown(views, **place)).count();
-        if !views.iter().all(View::is_cut_out) || (within as f64) < WITHIN * cloud.len() as f64 {
+        if (within as f64) < WITHIN * cloud.len() as f64 {
             return None;
         }
         let half = DVec3::splat(frame.radius);
