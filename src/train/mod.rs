@@ -1,13 +1,15 @@
 //! Training takes one real and one virtual view an iteration, with Adam and densification.
 //!
-//! [`schedule`] says what an iteration does, [`optimizer`] steps the parameters on the GPU,
-//! [`policy`] decides on the CPU which Gaussians come and go, [`trainer`] runs the loop and tells
-//! an [`observer`], and [`checkpoint`] takes it apart and puts it together again between two
-//! iterations. [`supervision`] is what they learn from, [`capacity`] says what that takes, [`shell`]
-//! is a background of Gaussians beyond the scene, [`pose_adam`] moves cameras, where they are
-//! refined, `depths` holds training views to depths and normals, [`guide`] chooses whom dropout leaves out, a [`partner`] is a second set of Gaussians, [`unpool`] fills gaps between large ones, [`floaters`] go, a [`generator`] makes the Gaussians, and what the scene needs is
-//! decided by virtual views that nothing is learned from ([`SignalPoint`]): [`length`] says when training ends,
-//! [`trim`] which Gaussians it can do without, `lower` which SH degrees.
+//! | what | where |
+//! |---|---|
+//! | what is learned from | [`supervision`], [`DepthTarget`], [`Goal`] |
+//! | the loop, what it notes, and who looks on | [`trainer`], [`LossSample`], [`observer`] |
+//! | what an iteration does, by its number and the seed | [`schedule`] |
+//! | steps of the parameters and of poses | [`optimizer`], [`pose_adam`] |
+//! | which Gaussians come and go | [`policy`], [`unpool`], [`floaters`], [`outliers`] |
+//! | what the scene needs, by views that nothing is learned from | `signal`, [`length`], [`trim`], `lower` |
+//! | parts that presets switch on | [`shell`], [`guide`], [`partner`], [`generator`], `depths` |
+//! | memory before it is taken; a run taken apart and put together | [`capacity`], [`checkpoint`] |
 
 pub mod capacity;
 pub mod checkpoint;
