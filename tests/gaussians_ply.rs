@@ -217,7 +217,7 @@ fn truncated_ply_names_the_byte() {
 }
 
 #[test]
-fn a_huge_vertex_count_costs_nothing() {
+fn a_huge_vertex_count_is_an_error_of_its_own() {
     let (_folder, path) = scratch("point_cloud.ply");
     write_ply(&path, &distinct(1, 0), &Frame::IDENTITY).unwrap();
     let text = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).into_owned();
@@ -234,10 +234,8 @@ fn a_huge_vertex_count_costs_nothing() {
         ("1e3", "no valid count"),
     ] {
         let header = header.replace("vertex 1\n", &format!("vertex {count}\n"));
-        let started = std::time::Instant::now();
         let text = ply_error(header.as_bytes());
         assert!(text.contains(expected), "{text}");
-        assert!(started.elapsed().as_millis() < 500);
     }
 }
 
