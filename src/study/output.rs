@@ -98,6 +98,15 @@ fn caption(options: &Options, results: &Results) -> Result<String> {
             ),
         ),
     };
+    let trained: BTreeSet<u32> = results
+        .runs
+        .iter()
+        .map(|run| run.metrics.iterations)
+        .collect();
+    let iterations = match (trained.first(), trained.last()) {
+        (Some(least), Some(most)) if least < most => format!("{least} to {most}"),
+        (_, most) => most.unwrap_or(&config.iterations).to_string(),
+    };
     let settings: String = options.settings.iter().map(|s| format!(", {s}")).collect();
     let adapters: BTreeSet<&str> = results
         .runs
@@ -118,8 +127,7 @@ fn caption(options: &Options, results: &Results) -> Result<String> {
         format!("{n} test views of {scene}")
     });
     Ok(format!(
-        "{size}, {points}, {} iterations, seed{plural} {}{settings}; {}{lpips}; {}; gspotential {}. {noise}",
-        config.iterations,
+        "{size}, {points}, {iterations} iterations, seed{plural} {}{settings}; {}{lpips}; {}; gspotential {}. {noise}",
         seeds.join(", "),
         n_tests.collect::<Vec<_>>().join(", "),
         adapters.join("; "),

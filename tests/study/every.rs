@@ -58,6 +58,11 @@ fn every_study_reports_in_text_numbers_and_pictures_and_trains_nothing_twice() {
         ] {
             assert!(report.contains(part), "{name}: no `{part}` in {report}");
         }
+        // Its shorter trainings are told, too.
+        assert!(
+            name != "need" || report.contains(", 1 to 3 iterations"),
+            "{report}"
+        );
         let data = json(&out.join(format!("{name}.json")));
         let rows = data["tables"][0]["rows"].as_array().expect("rows");
         assert_eq!(rows.len(), n_rows, "{name}");
