@@ -14,7 +14,7 @@ use gspotential::run::Seconds;
 use gspotential::scene::builtin::{BuiltinOptions, scene};
 use gspotential::scene::{Image, Scene};
 use gspotential::train::length::Settling;
-use gspotential::train::trim::{cost, most};
+use gspotential::train::trim::{cost, most, most_that_pays};
 use gspotential::train::{SignalPoint, Trained, Trainer, TrainingView};
 
 use crate::gpu::rig::context;
@@ -240,6 +240,34 @@ fn the_most_that_can_go_is_found_and_never_costs_more_than_is_allowed() {
 }
 
 #[test]
+fn the_least_that_pays_is_tried_first_and_is_all_that_is_tried_where_it_costs_too_much() {
+    // Points, how many may go, those tried.
+    for (n, limit, expected) in [
+        (1000, 0, &[50][..]),
+        (1000, 49, &[50]),
+        (1000, 99, &[50, 100]),
+        (1000, 137, &[50, 100, 200, 150]),
+        (1000, 5000, &[50, 100, 200, 400, 800, 900]),
+        // Fewer than pay.
+        (40, 5000, &[]),
+    ] {
+        let mut tried = Vec::new();
+        let found = most_that_pays(n, 50, 1.0, |k| {
+            tried.push(k);
+            Ok(if k <= limit { 1.0 } else { 1.0 + 1e-9 })
+        });
+        let found = found.expect("nothing fails");
+        assert_eq!(tried, expected);
+        let possible = limit.min(n * 9 / 10);
+        assert!(found == 0 || found <= possible, "{found} of {possible}");
+        assert!(
+            possible < 50 || n < 50 || possible - found <= n * 6 / 100,
+            "{found} of {possible}"
+        );
+    }
+}
+
+#[test]
 fn what_photographs_lose_counts_as_if_the_held_out_views_had_lost_it() {
     let point = |held_out: f64, photographs: f64| SignalPoint {
         iteration: 100,
@@ -293,22 +321,21 @@ fn training_settles_when_the_last_third_has_brought_too_little() {
         (500, 13.8),
         (600, 14.0),
     ];
-    // 14.0 at 600 against 13.5 at 400; 14.05 at 700 against 13.5; 14.05 at 800 against 13.8; at 900 against 14.0 at 600.
-    assert_eq!(planned(&rising), (1200, 1500));
-    let flat = [(700, 14.05), (800, 14.05), (900, 14.05)];
+    // 14.05 at 1,050 against 14.05 at 700: it had stopped before, but seven tenths of the iterations are done first.
+    let flat = [700, 800, 900, 1000, 1050].map(|iteration| (iteration, 14.05));
     let stopped = [&rising[..], &flat].concat();
-    assert_eq!(planned(&stopped[..8]), (1200, 1500));
+    assert_eq!(planned(&stopped[..10]), (1200, 1500));
+    assert_eq!(planned(&stopped), (1050, 1313));
     // A measurement that happens to be low ends nothing: the best counts.
-    let dip = [&rising[..], &[(700, 13.4)]].concat();
+    let dip = [&rising[..], &[(700, 14.1), (900, 14.5), (1100, 14.0)]].concat();
     assert_eq!(planned(&dip), (1200, 1500));
-    assert_eq!(planned(&stopped), (900, 1125));
     // What is measured later changes nothing, nor does a second measurement at one time.
-    let later = [&stopped[..], &[(900, 10.0), (1000, 20.0), (1125, 30.0)]].concat();
-    assert_eq!(planned(&later), (900, 1125));
-    // A signal that falls has stopped rising, but half of the iterations are done first.
-    assert_eq!(planned(&[(100, 10.0), (740, 9.0)]), (1200, 1500));
-    assert_eq!(planned(&[(100, 10.0), (750, 9.0)]), (750, 938));
-    assert_eq!(planned(&[(800, 10.0)]), (1200, 1500));
+    let later = [&stopped[..], &[(1050, 10.0), (1100, 20.0), (1313, 30.0)]].concat();
+    assert_eq!(planned(&later), (1050, 1313));
+    // A signal that falls has stopped rising.
+    assert_eq!(planned(&[(100, 10.0), (1040, 9.0)]), (1200, 1500));
+    assert_eq!(planned(&[(100, 10.0), (1050, 9.0)]), (1050, 1313));
+    assert_eq!(planned(&[(1050, 10.0)]), (1200, 1500));
     config.need.ends = false;
     assert_eq!(Settling::of(&config, &signal(&stopped)).until, 1500);
 }
@@ -333,6 +360,7 @@ fn what_is_chosen_is_chosen_again_from_any_state() {
     let scene = small_scene();
     let mut config = config();
     config.need.ends = true;
+    config.iterations = 56;
     // The last third of 40 iterations brings less than that.
     config.need.least_gain_db = 100.0;
     config.need.settle_share = 0.2;
@@ -394,6 +422,27 @@ fn what_is_chosen_is_chosen_again_from_any_state() {
         trainer.restore(state, &buffers.concat()).expect("fits");
         assert!(same(&whole, &run(trainer, 0).0), "differs from {at} on");
     }
+}
+
+#[test]
+fn where_none_could_go_when_rates_began_to_fall_none_is_tried_half_way() {
+    let scene = small_scene();
+    let mut config = config();
+    config.need.settle_share = 0.2;
+    let trims = |config: &Config| {
+        let prepared = prepared(&scene, config);
+        trained(&prepared, config).trims
+    };
+    // Only a size that is asked for prunes, and the file is far below it.
+    config.need.max_mb = Some(100.0);
+    let none = trims(&config);
+    assert_eq!(none.len(), 1);
+    assert_eq!((none[0].iteration, none[0].n_before), (48, none[0].n_after));
+    // It is not at the first, and still not at the second.
+    config.need.max_mb = Some(0.01);
+    let some = trims(&config);
+    assert!(some[0].n_after < some[0].n_before, "{some:?}");
+    assert_eq!(some[1].iteration, 54);
 }
 
 #[test]

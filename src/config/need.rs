@@ -23,7 +23,7 @@ section! {
         least_gain_db: f64 = 0.05, at_least(0.0);
         /// Share of all iterations, the last, in which all learning rates fall to nothing.
         settle_share: f64 = 0.0, from_below(0.0, 1.0);
-        /// Prunes the Gaussians that contribute least, when the learning rates begin to fall and once more half-way.
+        /// Prunes the Gaussians that contribute least, when the learning rates begin to fall and, if any could go, once more half-way.
         prune: bool = false, any();
         /// What pruning may cost in all, dB of the held-out views; a rise of the photographs' error counts as one of theirs.
         tolerance_db: f64 = 0.05, at_least(0.0);

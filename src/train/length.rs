@@ -13,8 +13,8 @@ use super::record::SignalPoint;
 use crate::config::Config;
 
 /// Share of the most iterations before which no measurement ends training: while rates are high the views may stand still and
-/// rise again, as kitchen's do from 200 to 400 iterations at 320 px.
-const EARLIEST: f64 = 0.5;
+/// rise again, as kitchen's do from 200 to 400 iterations at 320 px, and sharpness goes on rising where they no longer do.
+const EARLIEST: f64 = 0.7;
 
 /// The last part of a training, in which rates fall.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

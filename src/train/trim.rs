@@ -4,7 +4,10 @@
 //! The cost of removing some is how far the PSNR of the held-out views falls, measured at once, with the opacity of
 //! those that would go set to nothing. The photographs show detail that splats lack, so that what they lose counts, too: their error
 //! rises by as much as if it had risen at the held-out views ([`cost`]). Their own PSNR would be no measure: they are learned by
-//! heart, far beyond what any other view is shown with. The number is found by halving an interval. It happens when training begins to settle and once more half-way ([`Settling::prunings`]): what is
+//! heart, far beyond what any other view is shown with. The least share that pays is tried first, then twice as much, until one
+//! costs too much: most scenes have little to spare, and an attempt costs as much as a measurement ([`most_that_pays`]).
+//!
+//! It happens when training begins to settle and, if any could go, once more half-way ([`Settling::prunings`]): what is
 //! left of training has fewer Gaussians to render and makes good for the cost, which over both is at most the tolerance.
 //!
 //! [`Settling::prunings`]: super::length::Settling::prunings
@@ -26,8 +29,8 @@ const LEAST_SHARE: f64 = 0.05;
 /// Share of what is left of the tolerance that the last pruning may take where SH degrees are lowered after it.
 const LAST_SHARE: f64 = 0.5;
 
-/// Halvings of the interval: the share is found to 6 %.
-const N_PROBES: u32 = 4;
+/// A number is found to one in so many of the most that can go: to 6 %.
+const PRECISION: usize = 16;
 
 /// Most held-out views at which a cost is measured, evenly over all: before and after are measured at the same ones.
 pub(super) const MOST_HELD_OUT: usize = 8;
@@ -36,9 +39,12 @@ pub(super) const MOST_HELD_OUT: usize = 8;
 const HIDDEN: f32 = -100.0;
 
 impl Trainer<'_> {
-    /// Says whether a pruning follows after `done` iterations.
+    /// Says whether a pruning follows after `done` iterations: not if the one before left the same Gaussians as they were.
     pub(super) fn trims(&self, done: u32) -> bool {
-        let is_new = self.trims.last().is_none_or(|trim| trim.iteration < done);
+        let n = self.optimizer.model.n;
+        let left_all = |trim: &Trim| trim.n_before == trim.n_after && trim.n_after == n;
+        let before = self.trims.last();
+        let is_new = before.is_none_or(|trim| trim.iteration < done && !left_all(trim));
         let is_due = self.settling.prunings().contains(&done);
         self.config.need.prunes() && !self.held_out.is_empty() && is_new && is_due
     }
@@ -62,7 +68,8 @@ impl Trainer<'_> {
         } else {
             0
         };
-        let n = most(n_candidates, allowed, |n| {
+        let least = (LEAST_SHARE * contributions.len() as f64).ceil() as usize;
+        let n = most_that_pays(n_candidates, least, allowed, |n| {
             let point = self.without(&order[..n], &geometry, done)?;
             let cost = cost(&before, &point);
             if cost <= allowed {
@@ -70,8 +77,6 @@ impl Trainer<'_> {
             }
             Ok(cost)
         })?;
-        let pays = n as f64 >= LEAST_SHARE * contributions.len() as f64;
-        let n = if pays { n } else { 0 };
         let over_budget = self.surplus(done).saturating_sub(n).min(order.len() - n);
         let removed = &order[..n + over_budget];
         let after = match (over_budget, n) {
@@ -197,14 +202,55 @@ fn squared_error(psnr: f64) -> f64 {
 ///
 /// # Errors
 /// What `cost` returns.
-pub fn most(n: usize, allowed: f64, mut cost: impl FnMut(usize) -> Result<f64>) -> Result<usize> {
-    let (mut low, mut high) = (0, (MOST_SHARE * n as f64) as usize);
-    for _ in 0..N_PROBES {
+pub fn most(n: usize, allowed: f64, cost: impl FnMut(usize) -> Result<f64>) -> Result<usize> {
+    let high = (MOST_SHARE * n as f64) as usize;
+    halved(0, high, high / PRECISION, allowed, cost)
+}
+
+/// Returns the most of `n`, `least` or more of them, that can go at a cost of at most `allowed`, where the cost rises with their number;
+/// 0 if `least` cannot. `least` is tried first, then twice as many as before, until a number costs too much; then the interval is
+/// halved as far as [`most`] does it.
+///
+/// # Errors
+/// What `cost` returns.
+pub fn most_that_pays(
+    n: usize,
+    least: usize,
+    allowed: f64,
+    mut cost: impl FnMut(usize) -> Result<f64>,
+) -> Result<usize> {
+    let most = (MOST_SHARE * n as f64) as usize;
+    let (mut low, mut high, mut next) = (0, most, least.max(1));
+    if next > most {
+        return Ok(0);
+    }
+    while low < high {
+        match cost(next)? <= allowed {
+            true => low = next,
+            false => {
+                high = next - 1;
+                break;
+            }
+        }
+        next = (2 * next).min(high);
+    }
+    if low == 0 {
+        return Ok(0);
+    }
+    halved(low, high, most / PRECISION, allowed, cost)
+}
+
+/// Halves the interval from `low`, which is 0 or has been tried, to `high` until it is no wider than `width`, and returns its lower end.
+fn halved(
+    mut low: usize,
+    mut high: usize,
+    width: usize,
+    allowed: f64,
+    mut cost: impl FnMut(usize) -> Result<f64>,
+) -> Result<usize> {
+    while high - low > width {
         // The least that is not known to be possible lies in between.
         let middle = (low + high).div_ceil(2);
-        if middle <= low {
-            break;
-        }
         match cost(middle)? <= allowed {
             true => low = middle,
             false => high = middle - 1,
