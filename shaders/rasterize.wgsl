@@ -21,6 +21,7 @@
 @group(0) @binding(6) var<uniform> slice: Slice;
 
 #import shared/tile
+#import shared/thread_tile
 
 // All of every list, which has at most LIST_SLICE entries.
 @compute @workgroup_size(WORKGROUP)
@@ -37,16 +38,10 @@ fn rasterize_slice(thread: Thread) {
 
 // `sliced` is known where the function is compiled: without slices nothing of them is left.
 fn composite(thread: u32, slice_first: u32, sliced: bool) {
-    // Beyond the last block this reads another's entry or, held to the bounds, the last.
-    let list = tile_list(tile_order[thread]);
-    let tile = list.tile;
-    if (tile >= view.tiles.x * view.tiles.y) {
+    let tile = thread_tile(thread);
+    if (!tile.exists) {
         return;
     }
-    let x4 = tile % view.tiles.x;
-    let y = (tile / view.tiles.x) * TILE_H;
-    let px = vec4f(0.5, 1.5, 2.5, 3.5) + f32(4u * x4);
-    let py = f32(y) + 0.5;
     #repeat r TILE_H
     var red_{r}: vec4f;
     var green_{r}: vec4f;
@@ -59,37 +54,32 @@ fn composite(thread: u32, slice_first: u32, sliced: bool) {
     transmittance_{r} = vec4f(1.0);
     #end
 
-    let range = list.range;
-    var first = range.first;
-    var end = range.end;
+    let entries = entries_of(tile.list, slice_first, sliced);
+    if (entries.is_over) {
+        return;
+    }
     if (sliced) {
-        let length = range.end - range.first;
-        if (slice_first > 0u && slice_first >= length) {
-            return;
-        }
-        first += slice_first;
-        end = min(end, first + LIST_SLICE);
         // Depends on the list, too: see project_backward on branches on uniforms alone.
-        if (slice_first > 0u && slice_first < length) {
+        if (slice_first > 0u && slice_first < tile.list.end - tile.list.first) {
             #repeat r TILE_H
-            red_{r} = rendered[plane_index(view, 0u, x4, y + {r}u)];
-            green_{r} = rendered[plane_index(view, 1u, x4, y + {r}u)];
-            blue_{r} = rendered[plane_index(view, 2u, x4, y + {r}u)];
-            transmittance_{r} = rendered[plane_index(view, 3u, x4, y + {r}u)];
-            last_{r} = d_rendered[plane_index(view, view.blended_plane, x4, y + {r}u)];
+            red_{r} = rendered[plane_index(view, 0u, tile.x4, tile.y + {r}u)];
+            green_{r} = rendered[plane_index(view, 1u, tile.x4, tile.y + {r}u)];
+            blue_{r} = rendered[plane_index(view, 2u, tile.x4, tile.y + {r}u)];
+            transmittance_{r} = rendered[plane_index(view, 3u, tile.x4, tile.y + {r}u)];
+            last_{r} = d_rendered[plane_index(view, view.blended_plane, tile.x4, tile.y + {r}u)];
             #end
         }
     }
     // bound: LIST_SLICE turns; order_tiles hands out no longer list, and the step is taken again in
     // slices.
-    for (var i = first; i < end; i++) {
+    for (var i = entries.first; i < entries.end; i++) {
         let s = unpacked(splats[tile_splat(tile_splats[i]).gaussian]);
-        let t_x0 = s.t_0.x + s.l_xx * (px - s.anchor.x);
-        let number = vec4u(i - range.first + 1u);
+        let t_x0 = s.t_0.x + s.l_xx * (tile.px - s.anchor.x);
+        let number = vec4u(i - tile.list.first + 1u);
         var most = vec4f(-1.0);
         #repeat r TILE_H
         {
-            let dy = py + {r}.0 - s.anchor.y;
+            let dy = tile.py + {r}.0 - s.anchor.y;
             let t_y = s.t_0.y + s.l_yy * dy;
             let t_x = t_x0 + s.l_xy * dy;
             let raw = s.opacity * exp2_negative(-(t_x * t_x + t_y * t_y));
@@ -114,14 +104,14 @@ fn composite(thread: u32, slice_first: u32, sliced: bool) {
 
     #repeat r TILE_H
     {
-        let goes_on = sliced && end < range.end;
+        let goes_on = sliced && entries.end < tile.list.end;
         let t = select(abs(transmittance_{r}), transmittance_{r}, goes_on);
         let background = select(view.background, vec3f(0.0), goes_on);
-        rendered[plane_index(view, 0u, x4, y + {r}u)] = red_{r} + background.x * t;
-        rendered[plane_index(view, 1u, x4, y + {r}u)] = green_{r} + background.y * t;
-        rendered[plane_index(view, 2u, x4, y + {r}u)] = blue_{r} + background.z * t;
-        rendered[plane_index(view, 3u, x4, y + {r}u)] = t;
-        d_rendered[plane_index(view, view.blended_plane, x4, y + {r}u)] = last_{r};
+        rendered[plane_index(view, 0u, tile.x4, tile.y + {r}u)] = red_{r} + background.x * t;
+        rendered[plane_index(view, 1u, tile.x4, tile.y + {r}u)] = green_{r} + background.y * t;
+        rendered[plane_index(view, 2u, tile.x4, tile.y + {r}u)] = blue_{r} + background.z * t;
+        rendered[plane_index(view, 3u, tile.x4, tile.y + {r}u)] = t;
+        d_rendered[plane_index(view, view.blended_plane, tile.x4, tile.y + {r}u)] = last_{r};
     }
     #end
 }

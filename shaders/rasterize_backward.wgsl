@@ -25,13 +25,10 @@
 @group(0) @binding(9) var<uniform> slice: Slice;
 
 #import shared/tile
+#import shared/thread_tile
 
 fn gradient(plane: u32, x4: u32, y: u32) -> vec4f {
     return bitcast<vec4f>(d_rendered[plane_index(view, plane, x4, y)]);
-}
-
-fn sum4(v: vec4f) -> f32 {
-    return (v.x + v.y) + (v.z + v.w);
 }
 
 // All of every list, which has at most LIST_SLICE entries.
@@ -49,16 +46,10 @@ fn rasterize_backward_slice(thread: Thread) {
 
 // `sliced` is known where the function is compiled: without slices nothing of them is left.
 fn carry_back(thread: u32, slice_first: u32, sliced: bool) {
-    // Beyond the last block this reads another's entry or, held to the bounds, the last.
-    let list = tile_list(tile_order[thread]);
-    let tile = list.tile;
-    if (tile >= view.tiles.x * view.tiles.y) {
+    let tile = thread_tile(thread);
+    if (!tile.exists) {
         return;
     }
-    let x4 = tile % view.tiles.x;
-    let y = (tile / view.tiles.x) * TILE_H;
-    let px = vec4f(0.5, 1.5, 2.5, 3.5) + f32(4u * x4);
-    let py = f32(y) + 0.5;
     #repeat r TILE_H
     var d_red_{r}: vec4f;
     var d_green_{r}: vec4f;
@@ -71,39 +62,36 @@ fn carry_back(thread: u32, slice_first: u32, sliced: bool) {
     var n_blended = 0u;
     #repeat r TILE_H
     {
-        d_red_{r} = gradient(0u, x4, y + {r}u);
-        d_green_{r} = gradient(1u, x4, y + {r}u);
-        d_blue_{r} = gradient(2u, x4, y + {r}u);
-        let d_alpha = gradient(3u, x4, y + {r}u);
-        let t = rendered[plane_index(view, 3u, x4, y + {r}u)];
+        d_red_{r} = gradient(0u, tile.x4, tile.y + {r}u);
+        d_green_{r} = gradient(1u, tile.x4, tile.y + {r}u);
+        d_blue_{r} = gradient(2u, tile.x4, tile.y + {r}u);
+        let d_alpha = gradient(3u, tile.x4, tile.y + {r}u);
+        let t = rendered[plane_index(view, 3u, tile.x4, tile.y + {r}u)];
         let background = d_red_{r} * view.background.x + d_green_{r} * view.background.y + d_blue_{r} * view.background.z;
         transmittance_{r} = t;
         behind_{r} = t * (background - d_alpha);
-        last_{r} = d_rendered[plane_index(view, view.blended_plane, x4, y + {r}u)];
+        last_{r} = d_rendered[plane_index(view, view.blended_plane, tile.x4, tile.y + {r}u)];
         n_blended = max(n_blended, max(max(last_{r}.x, last_{r}.y), max(last_{r}.z, last_{r}.w)));
     }
     #end
 
-    let range = list.range;
-    var end = range.end;
-    // Entries blended in front of the slice, and in the slice and in front of it.
-    var n_before = 0u;
+    let entries = entries_of(tile.list, slice_first, sliced);
+    if (entries.is_over) {
+        return;
+    }
+    // Entries in front of the slice.
+    let n_before = entries.first - tile.list.first;
     if (sliced) {
-        let length = range.end - range.first;
-        if (slice_first > 0u && slice_first >= length) {
-            return;
-        }
-        end = min(end, range.first + slice_first + LIST_SLICE);
-        n_before = slice_first;
-        n_blended = clamp(n_blended, n_before, end - range.first);
-        if (end < range.end) {
+        // Blended in the slice and in front of it.
+        n_blended = clamp(n_blended, n_before, entries.end - tile.list.first);
+        if (entries.end < tile.list.end) {
             #repeat r TILE_H
-            behind_{r} = rendered[plane_index(view, 0u, x4, y + {r}u)];
+            behind_{r} = rendered[plane_index(view, 0u, tile.x4, tile.y + {r}u)];
             #end
         }
     }
     // bound: LIST_SLICE turns, and as many again below.
-    for (var i = range.first + n_blended; i < end; i++) {
+    for (var i = tile.list.first + n_blended; i < entries.end; i++) {
         let pair = tile_splat(tile_splats[i]).pair;
         d_pair_a[pair] = vec4f(0.0);
         d_pair_b[pair] = vec4f(0.0);
@@ -111,10 +99,10 @@ fn carry_back(thread: u32, slice_first: u32, sliced: bool) {
     }
     // bound: LIST_SLICE turns.
     for (var number = n_blended; number > n_before; number--) {
-        let entry = tile_splat(tile_splats[range.first + number - 1u]);
+        let entry = tile_splat(tile_splats[tile.list.first + number - 1u]);
         let pair = entry.pair;
         let s = unpacked(splats[entry.gaussian]);
-        let t_x0 = s.t_0.x + s.l_xx * (px - s.anchor.x);
+        let t_x0 = s.t_0.x + s.l_xx * (tile.px - s.anchor.x);
         var sum_v = 0.0;
         var sum_x = 0.0;
         var sum_y = 0.0;
@@ -126,7 +114,7 @@ fn carry_back(thread: u32, slice_first: u32, sliced: bool) {
         var sum_b = vec4f(0.0);
         #repeat r TILE_H
         {
-            let dy = py + {r}.0 - s.anchor.y;
+            let dy = tile.py + {r}.0 - s.anchor.y;
             let t_y = s.t_0.y + s.l_yy * dy;
             let t_x = t_x0 + s.l_xy * dy;
             let raw = s.opacity * exp2_negative(-(t_x * t_x + t_y * t_y));
@@ -159,10 +147,10 @@ fn carry_back(thread: u32, slice_first: u32, sliced: bool) {
         d_pair_b[pair] = vec4f(sum_xy, sum_yy, sum4(sum_r), sum4(sum_g));
         d_pair_c[pair] = sum4(sum_b);
     }
-    if (sliced && n_before > 0u && end > range.first) {
+    if (sliced && n_before > 0u && entries.end > tile.list.first) {
         #repeat r TILE_H
-        rendered[plane_index(view, 0u, x4, y + {r}u)] = behind_{r};
-        rendered[plane_index(view, 3u, x4, y + {r}u)] = transmittance_{r};
+        rendered[plane_index(view, 0u, tile.x4, tile.y + {r}u)] = behind_{r};
+        rendered[plane_index(view, 3u, tile.x4, tile.y + {r}u)] = transmittance_{r};
         #end
     }
 }

@@ -53,10 +53,6 @@ fn gradient(plane: u32, at: GroupPixels) -> vec4f {
     return bitcast<vec4f>(d_rendered[plane_index(view, plane, at.x4, at.y)]);
 }
 
-fn sum4(v: vec4f) -> f32 {
-    return (v.x + v.y) + (v.z + v.w);
-}
-
 // All of every list, which has at most LIST_SLICE entries.
 @compute @workgroup_size(WORKGROUP)
 fn rasterize_backward(thread: Thread) {
@@ -75,8 +71,6 @@ fn carry_back(thread: Thread, slice_first: u32, sliced: bool) {
     let local = thread.local;
     let list = group_list(thread);
     let at = group_pixels(list.tile, local);
-    let px = vec4f(0.5, 1.5, 2.5, 3.5) + f32(4u * at.x4);
-    let py = f32(at.y) + 0.5;
     // A pixel outside has blended nothing.
     var d_red: vec4f;
     var d_green: vec4f;
@@ -99,21 +93,18 @@ fn carry_back(thread: Thread, slice_first: u32, sliced: bool) {
     workgroupBarrier();
     var n_blended = atomicLoad(&most_blended);
 
-    let range = list.range;
-    var end = range.end;
-    // Entries blended in front of the slice, and in the slice and in front of it.
-    var n_before = 0u;
+    let entries = entries_of(list.range, slice_first, sliced);
+    // Entries in front of the slice.
+    let n_before = entries.first - list.range.first;
     if (sliced) {
-        let length = range.end - range.first;
-        n_before = min(slice_first, length);
-        end = min(end, range.first + n_before + LIST_SLICE);
-        n_blended = clamp(n_blended, n_before, end - range.first);
-        if (at.inside && end < range.end) {
+        // Blended in the slice and in front of it.
+        n_blended = clamp(n_blended, n_before, entries.end - list.range.first);
+        if (at.inside && entries.end < list.range.end) {
             behind = rendered[plane_index(view, 0u, at.x4, at.y)];
         }
     }
     // bound: LIST_SLICE / WORKGROUP turns.
-    for (var i = range.first + n_blended + local; i < end; i += WORKGROUP) {
+    for (var i = list.range.first + n_blended + local; i < entries.end; i += WORKGROUP) {
         let pair = tile_splat(tile_splats[i]).pair;
         #repeat i 4
         d_pair_a[4u * pair + {i}u] = 0.0;
@@ -134,7 +125,7 @@ fn carry_back(thread: Thread, slice_first: u32, sliced: bool) {
     for (var top = n_blended; top > n_before; top -= min(STAGED, top - n_before)) {
         let n = min(STAGED, top - n_before);
         if (local < n) {
-            let entry = tile_splat(tile_splats[range.first + top - 1u - local]);
+            let entry = tile_splat(tile_splats[list.range.first + top - 1u - local]);
             staged[local] = splats[entry.gaussian];
             staged_pairs[local] = entry.pair;
         } else if (local < STAGED) {
@@ -147,13 +138,13 @@ fn carry_back(thread: Thread, slice_first: u32, sliced: bool) {
             #repeat k 2
             {
                 let s = unpacked(staged[j + {k}u]);
-                let dy = py - s.anchor.y;
+                let dy = at.py - s.anchor.y;
                 let t_y = s.t_0.y + s.l_yy * dy;
                 var a: vec4f;
                 var b: vec4f;
                 var c: f32;
                 if (!is_beyond(s.reach, t_y)) {
-                    let t_x = (s.t_0.x + s.l_xx * (px - s.anchor.x)) + s.l_xy * dy;
+                    let t_x = (s.t_0.x + s.l_xx * (at.px - s.anchor.x)) + s.l_xy * dy;
                     let raw = s.opacity * exp2_negative(-(t_x * t_x + t_y * t_y));
                     let blended = (raw >= vec4f(ALPHA_MIN)) & (vec4u(top - j - {k}u) <= last);
                     // 0 leaves the transmittance and what is behind as they are, to the bit.
@@ -222,7 +213,7 @@ fn carry_back(thread: Thread, slice_first: u32, sliced: bool) {
         workgroupBarrier();
     }
     // What is in front goes on from here.
-    if (sliced && at.inside && n_before > 0u && end > range.first + n_before) {
+    if (sliced && at.inside && n_before > 0u && entries.end > list.range.first + n_before) {
         rendered[plane_index(view, 0u, at.x4, at.y)] = behind;
         rendered[plane_index(view, 3u, at.x4, at.y)] = transmittance;
     }

@@ -15,6 +15,7 @@
 @group(0) @binding(6) var<uniform> slice: Slice;
 
 #import shared/tile
+#import shared/thread_tile
 #import shared/depth_forward
 
 // All of every list, which has at most LIST_SLICE entries.
@@ -31,16 +32,10 @@ fn rasterize_depth_slice(thread: Thread) {
 
 // `sliced` is known where the function is compiled: without slices nothing of them is left.
 fn composite(thread: u32, slice_first: u32, sliced: bool) {
-    // Beyond the last block this reads another's entry or, held to the bounds, the last.
-    let list = tile_list(tile_order[thread]);
-    let tile = list.tile;
-    if (tile >= view.tiles.x * view.tiles.y) {
+    let tile = thread_tile(thread);
+    if (!tile.exists) {
         return;
     }
-    let x4 = tile % view.tiles.x;
-    let y = (tile / view.tiles.x) * TILE_H;
-    let px = vec4f(0.5, 1.5, 2.5, 3.5) + f32(4u * x4);
-    let py = f32(y) + 0.5;
     #repeat r TILE_H
     var row_{r}: DepthPixels;
     #end
@@ -48,35 +43,30 @@ fn composite(thread: u32, slice_first: u32, sliced: bool) {
     row_{r}.transmittance = vec4f(1.0);
     #end
 
-    let range = list.range;
-    var first = range.first;
-    var end = range.end;
+    let entries = entries_of(tile.list, slice_first, sliced);
+    if (entries.is_over) {
+        return;
+    }
     if (sliced) {
-        let length = range.end - range.first;
-        if (slice_first > 0u && slice_first >= length) {
-            return;
-        }
-        first += slice_first;
-        end = min(end, first + LIST_SLICE);
         // Depends on the list, too: see project_backward on branches on uniforms alone.
-        if (slice_first > 0u && slice_first < length) {
+        if (slice_first > 0u && slice_first < tile.list.end - tile.list.first) {
             #repeat r TILE_H
-            row_{r} = loaded_depths(x4, y + {r}u);
+            row_{r} = loaded_depths(tile.x4, tile.y + {r}u);
             #end
         }
     }
     // bound: LIST_SLICE turns; order_tiles hands out no longer list, and the step is taken again in
     // slices.
-    for (var i = first; i < end; i++) {
+    for (var i = entries.first; i < entries.end; i++) {
         let gaussian = tile_splat(tile_splats[i]).gaussian;
         let s = unpacked(splats[gaussian]);
         let f = splat_depths[gaussian];
-        let t_x0 = s.t_0.x + s.l_xx * (px - s.anchor.x);
-        let number = i - range.first + 1u;
+        let t_x0 = s.t_0.x + s.l_xx * (tile.px - s.anchor.x);
+        let number = i - tile.list.first + 1u;
         var most = vec4f(-1.0);
         #repeat r TILE_H
         {
-            let dy = py + {r}.0 - s.anchor.y;
+            let dy = tile.py + {r}.0 - s.anchor.y;
             let t_y = s.t_0.y + s.l_yy * dy;
             let t_x = t_x0 + s.l_xy * dy;
             blend_depth(&row_{r}, number, s.opacity * exp2_negative(-(t_x * t_x + t_y * t_y)), f);
@@ -87,8 +77,8 @@ fn composite(thread: u32, slice_first: u32, sliced: bool) {
             break;
         }
     }
-    let goes_on = sliced && end < range.end;
+    let goes_on = sliced && entries.end < tile.list.end;
     #repeat r TILE_H
-    store_depths(row_{r}, x4, y + {r}u, goes_on);
+    store_depths(row_{r}, tile.x4, tile.y + {r}u, goes_on);
     #end
 }

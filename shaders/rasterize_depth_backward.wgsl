@@ -21,11 +21,8 @@
 @group(0) @binding(9) var<uniform> slice: Slice;
 
 #import shared/tile
+#import shared/thread_tile
 #import shared/depth_backward
-
-fn sum4(v: vec4f) -> f32 {
-    return (v.x + v.y) + (v.z + v.w);
-}
 
 // All of every list, which has at most LIST_SLICE entries.
 @compute @workgroup_size(WORKGROUP)
@@ -41,47 +38,35 @@ fn rasterize_depth_backward_slice(thread: Thread) {
 
 // `sliced` is known where the function is compiled: without slices nothing of them is left.
 fn carry_back(thread: u32, slice_first: u32, sliced: bool) {
-    // Beyond the last block this reads another's entry or, held to the bounds, the last.
-    let list = tile_list(tile_order[thread]);
-    let tile = list.tile;
-    if (tile >= view.tiles.x * view.tiles.y) {
+    let tile = thread_tile(thread);
+    if (!tile.exists) {
         return;
     }
-    let x4 = tile % view.tiles.x;
-    let y = (tile / view.tiles.x) * TILE_H;
-    let px = vec4f(0.5, 1.5, 2.5, 3.5) + f32(4u * x4);
-    let py = f32(y) + 0.5;
-    let range = list.range;
-    var end = range.end;
-    // Entries in front of the slice.
-    var n_before = 0u;
-    if (sliced) {
-        let length = range.end - range.first;
-        if (slice_first > 0u && slice_first >= length) {
-            return;
-        }
-        end = min(end, range.first + slice_first + LIST_SLICE);
-        n_before = slice_first;
+    let entries = entries_of(tile.list, slice_first, sliced);
+    if (entries.is_over) {
+        return;
     }
-    let goes_on = sliced && end < range.end;
+    // Entries in front of the slice.
+    let n_before = entries.first - tile.list.first;
+    let goes_on = sliced && entries.end < tile.list.end;
     // Entries blended in the slice and in front of it.
     var n_blended = 0u;
     #repeat r TILE_H
-    var row_{r} = depth_gradients(x4, y + {r}u, goes_on);
+    var row_{r} = depth_gradients(tile.x4, tile.y + {r}u, goes_on);
     n_blended = max(n_blended, max(max(row_{r}.last.x, row_{r}.last.y), max(row_{r}.last.z, row_{r}.last.w)));
     #end
-    n_blended = clamp(n_blended, n_before, end - range.first);
+    n_blended = clamp(n_blended, n_before, entries.end - tile.list.first);
     // bound: LIST_SLICE turns, and as many again below.
-    for (var i = range.first + n_blended; i < end; i++) {
+    for (var i = tile.list.first + n_blended; i < entries.end; i++) {
         d_pair_depth[tile_splat(tile_splats[i]).pair] = vec4f(0.0);
     }
     // bound: LIST_SLICE turns.
     for (var number = n_blended; number > n_before; number--) {
-        let entry = tile_splat(tile_splats[range.first + number - 1u]);
+        let entry = tile_splat(tile_splats[tile.list.first + number - 1u]);
         let pair = entry.pair;
         let s = unpacked(splats[entry.gaussian]);
         let f = splat_depths[entry.gaussian];
-        let t_x0 = s.t_0.x + s.l_xx * (px - s.anchor.x);
+        let t_x0 = s.t_0.x + s.l_xx * (tile.px - s.anchor.x);
         var sum_v = 0.0;
         var sum_x = 0.0;
         var sum_y = 0.0;
@@ -94,7 +79,7 @@ fn carry_back(thread: u32, slice_first: u32, sliced: bool) {
         var sum_normal_z = vec4f(0.0);
         #repeat r TILE_H
         {
-            let dy = py + {r}.0 - s.anchor.y;
+            let dy = tile.py + {r}.0 - s.anchor.y;
             let t_y = s.t_0.y + s.l_yy * dy;
             let t_x = t_x0 + s.l_xy * dy;
             let raw = s.opacity * exp2_negative(-(t_x * t_x + t_y * t_y));
@@ -118,9 +103,9 @@ fn carry_back(thread: u32, slice_first: u32, sliced: bool) {
         d_pair_b[pair] += vec4f(sum_xy, sum_yy, 0.0, 0.0);
         d_pair_depth[pair] = vec4f(sum4(sum_normal_x), sum4(sum_normal_y), sum4(sum_normal_z), sum4(sum_depth));
     }
-    if (sliced && n_before > 0u && end > range.first) {
+    if (sliced && n_before > 0u && entries.end > tile.list.first) {
         #repeat r TILE_H
-        keep_depth_gradients(row_{r}, x4, y + {r}u);
+        keep_depth_gradients(row_{r}, tile.x4, tile.y + {r}u);
         #end
     }
 }

@@ -39,10 +39,6 @@ var<workgroup> branches: array<vec4f, 3u * TREES * BRANCHES>;
 // The most entries that a pixel of the tile has blended.
 var<workgroup> most_blended: atomic<u32>;
 
-fn sum4(v: vec4f) -> f32 {
-    return (v.x + v.y) + (v.z + v.w);
-}
-
 // All of every list, which has at most LIST_SLICE entries.
 @compute @workgroup_size(WORKGROUP)
 fn rasterize_depth_backward(thread: Thread) {
@@ -61,34 +57,27 @@ fn carry_back(thread: Thread, slice_first: u32, sliced: bool) {
     let local = thread.local;
     let list = group_list(thread);
     let at = group_pixels(list.tile, local);
-    let px = vec4f(0.5, 1.5, 2.5, 3.5) + f32(4u * at.x4);
-    let py = f32(at.y) + 0.5;
-    let range = list.range;
-    var end = range.end;
+    let entries = entries_of(list.range, slice_first, sliced);
     // Entries in front of the slice.
-    var n_before = 0u;
-    if (sliced) {
-        n_before = min(slice_first, range.end - range.first);
-        end = min(end, range.first + n_before + LIST_SLICE);
-    }
+    let n_before = entries.first - list.range.first;
     // A pixel outside has blended nothing.
     var pixels: DepthGradients;
     if (at.inside) {
-        pixels = depth_gradients(at.x4, at.y, sliced && end < range.end);
+        pixels = depth_gradients(at.x4, at.y, sliced && entries.end < list.range.end);
     }
     atomicMax(&most_blended, max(max(pixels.last.x, pixels.last.y), max(pixels.last.z, pixels.last.w)));
     workgroupBarrier();
     // Entries blended in the slice and in front of it.
-    let n_blended = clamp(atomicLoad(&most_blended), n_before, end - range.first);
+    let n_blended = clamp(atomicLoad(&most_blended), n_before, entries.end - list.range.first);
     // bound: LIST_SLICE / WORKGROUP turns.
-    for (var i = range.first + n_blended + local; i < end; i += WORKGROUP) {
+    for (var i = list.range.first + n_blended + local; i < entries.end; i += WORKGROUP) {
         d_pair_depth[tile_splat(tile_splats[i]).pair] = vec4f(0.0);
     }
     // bound: LIST_SLICE / STAGED turns.
     for (var top = n_blended; top > n_before; top -= min(STAGED, top - n_before)) {
         let n = min(STAGED, top - n_before);
         if (local < n) {
-            let entry = tile_splat(tile_splats[range.first + top - 1u - local]);
+            let entry = tile_splat(tile_splats[list.range.first + top - 1u - local]);
             staged[local] = splats[entry.gaussian];
             staged_depths[local] = splat_depths[entry.gaussian];
             staged_pairs[local] = entry.pair;
@@ -103,9 +92,9 @@ fn carry_back(thread: Thread, slice_first: u32, sliced: bool) {
             #repeat k 2
             {
                 let s = unpacked(staged[j + {k}u]);
-                let dy = py - s.anchor.y;
+                let dy = at.py - s.anchor.y;
                 let t_y = s.t_0.y + s.l_yy * dy;
-                let t_x = (s.t_0.x + s.l_xx * (px - s.anchor.x)) + s.l_xy * dy;
+                let t_x = (s.t_0.x + s.l_xx * (at.px - s.anchor.x)) + s.l_xy * dy;
                 let raw = s.opacity * exp2_negative(-(t_x * t_x + t_y * t_y));
                 let part = carry_depth_back(&pixels, top - j - {k}u, raw, staged_depths[j + {k}u]);
                 let v_x = part.v * t_x;
@@ -152,7 +141,7 @@ fn carry_back(thread: Thread, slice_first: u32, sliced: bool) {
         workgroupBarrier();
     }
     // What is in front goes on from here.
-    if (sliced && at.inside && n_before > 0u && end > range.first + n_before) {
+    if (sliced && at.inside && n_before > 0u && entries.end > list.range.first + n_before) {
         keep_depth_gradients(pixels, at.x4, at.y);
     }
 }

@@ -41,21 +41,13 @@ fn rasterize_depth_slice(thread: Thread) {
 fn composite(thread: Thread, slice_first: u32, sliced: bool) {
     let list = group_list(thread);
     let at = group_pixels(list.tile, thread.local);
-    let px = vec4f(0.5, 1.5, 2.5, 3.5) + f32(4u * at.x4);
-    let py = f32(at.y) + 0.5;
     var pixels: DepthPixels;
     // Negative once a pixel takes no more splats, as those outside never do.
     pixels.transmittance = select(vec4f(-1.0), vec4f(1.0), at.inside);
 
-    let range = list.range;
-    var first = range.first;
-    var end = range.end;
-    var writes = at.inside;
+    let entries = entries_of(list.range, slice_first, sliced);
+    let writes = at.inside && !entries.is_over;
     if (sliced) {
-        let length = range.end - range.first;
-        writes = at.inside && (slice_first == 0u || slice_first < length);
-        first += min(slice_first, length);
-        end = min(end, first + LIST_SLICE);
         // Depends on the list, too: see project_backward on branches on uniforms alone.
         if (writes && slice_first > 0u) {
             pixels = loaded_depths(at.x4, at.y);
@@ -63,8 +55,8 @@ fn composite(thread: Thread, slice_first: u32, sliced: bool) {
     }
     // bound: LIST_SLICE / WORKGROUP turns; order_tiles hands out no longer list, and the step is taken
     // again in slices.
-    for (var begin = first; begin < end; begin += WORKGROUP) {
-        let n = min(WORKGROUP, end - begin);
+    for (var begin = entries.first; begin < entries.end; begin += WORKGROUP) {
+        let n = min(WORKGROUP, entries.end - begin);
         if (thread.local < n) {
             let gaussian = tile_splat(tile_splats[begin + thread.local]).gaussian;
             staged[thread.local] = splats[gaussian];
@@ -74,11 +66,11 @@ fn composite(thread: Thread, slice_first: u32, sliced: bool) {
         // bound: WORKGROUP turns.
         for (var i = 0u; i < n && any(pixels.transmittance > vec4f(0.0)); i++) {
             let s = unpacked(staged[i]);
-            let dy = py - s.anchor.y;
+            let dy = at.py - s.anchor.y;
             let t_y = s.t_0.y + s.l_yy * dy;
-            let t_x = (s.t_0.x + s.l_xx * (px - s.anchor.x)) + s.l_xy * dy;
+            let t_x = (s.t_0.x + s.l_xx * (at.px - s.anchor.x)) + s.l_xy * dy;
             let raw = s.opacity * exp2_negative(-(t_x * t_x + t_y * t_y));
-            blend_depth(&pixels, begin + i - range.first + 1u, raw, staged_depths[i]);
+            blend_depth(&pixels, begin + i - list.range.first + 1u, raw, staged_depths[i]);
         }
         if (any(pixels.transmittance > vec4f(0.0))) {
             atomicMax(&last_open, begin + 1u);
@@ -90,6 +82,6 @@ fn composite(thread: Thread, slice_first: u32, sliced: bool) {
         }
     }
     if (writes) {
-        store_depths(pixels, at.x4, at.y, sliced && end < range.end);
+        store_depths(pixels, at.x4, at.y, sliced && entries.end < list.range.end);
     }
 }

@@ -41,8 +41,6 @@ fn rasterize_slice(thread: Thread) {
 fn composite(thread: Thread, slice_first: u32, sliced: bool) {
     let list = group_list(thread);
     let at = group_pixels(list.tile, thread.local);
-    let px = vec4f(0.5, 1.5, 2.5, 3.5) + f32(4u * at.x4);
-    let py = f32(at.y) + 0.5;
     var red: vec4f;
     var green: vec4f;
     var blue: vec4f;
@@ -50,15 +48,9 @@ fn composite(thread: Thread, slice_first: u32, sliced: bool) {
     // Negative once a pixel takes no more splats, as those outside never do.
     var transmittance = select(vec4f(-1.0), vec4f(1.0), at.inside);
 
-    let range = list.range;
-    var first = range.first;
-    var end = range.end;
-    var writes = at.inside;
+    let entries = entries_of(list.range, slice_first, sliced);
+    let writes = at.inside && !entries.is_over;
     if (sliced) {
-        let length = range.end - range.first;
-        writes = at.inside && (slice_first == 0u || slice_first < length);
-        first += min(slice_first, length);
-        end = min(end, first + LIST_SLICE);
         // Depends on the list, too: see project_backward on branches on uniforms alone.
         if (writes && slice_first > 0u) {
             red = rendered[plane_index(view, 0u, at.x4, at.y)];
@@ -70,8 +62,8 @@ fn composite(thread: Thread, slice_first: u32, sliced: bool) {
     }
     // bound: LIST_SLICE / WORKGROUP turns; order_tiles hands out no longer list, and the step is taken
     // again in slices.
-    for (var begin = first; begin < end; begin += WORKGROUP) {
-        let n = min(WORKGROUP, end - begin);
+    for (var begin = entries.first; begin < entries.end; begin += WORKGROUP) {
+        let n = min(WORKGROUP, entries.end - begin);
         if (thread.local < n) {
             staged[thread.local] = splats[tile_splat(tile_splats[begin + thread.local]).gaussian];
         }
@@ -79,12 +71,12 @@ fn composite(thread: Thread, slice_first: u32, sliced: bool) {
         // bound: WORKGROUP turns.
         for (var i = 0u; i < n && any(transmittance > vec4f(0.0)); i++) {
             let s = unpacked(staged[i]);
-            let dy = py - s.anchor.y;
+            let dy = at.py - s.anchor.y;
             let t_y = s.t_0.y + s.l_yy * dy;
             if (is_beyond(s.reach, t_y)) {
                 continue;
             }
-            let t_x = (s.t_0.x + s.l_xx * (px - s.anchor.x)) + s.l_xy * dy;
+            let t_x = (s.t_0.x + s.l_xx * (at.px - s.anchor.x)) + s.l_xy * dy;
             let raw = s.opacity * exp2_negative(-(t_x * t_x + t_y * t_y));
             let drawn = raw >= vec4f(ALPHA_MIN);
             // 0 leaves everything below as it is, to the bit.
@@ -95,7 +87,7 @@ fn composite(thread: Thread, slice_first: u32, sliced: bool) {
             red += s.color.x * weight;
             green += s.color.y * weight;
             blue += s.color.z * weight;
-            last = select(last, vec4u(begin + i - range.first + 1u), drawn & kept);
+            last = select(last, vec4u(begin + i - list.range.first + 1u), drawn & kept);
             transmittance = select(-abs(transmittance), next, kept);
         }
         if (any(transmittance > vec4f(0.0))) {
@@ -109,7 +101,7 @@ fn composite(thread: Thread, slice_first: u32, sliced: bool) {
     }
 
     if (writes) {
-        let goes_on = sliced && end < range.end;
+        let goes_on = sliced && entries.end < list.range.end;
         let t = select(abs(transmittance), transmittance, goes_on);
         let background = select(view.background, vec3f(0.0), goes_on);
         rendered[plane_index(view, 0u, at.x4, at.y)] = red + background.x * t;

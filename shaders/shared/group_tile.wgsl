@@ -21,6 +21,9 @@ fn group_list(thread: Thread) -> TileList {
 struct GroupPixels {
     x4: u32,
     y: u32,
+    // Their centres.
+    px: vec4f,
+    py: f32,
     // In the padded image.
     inside: bool,
 }
@@ -29,7 +32,8 @@ fn group_pixels(tile: u32, local: u32) -> GroupPixels {
     let x4 = (tile % view.tiles.x) * GROUP_VECTORS + local % GROUP_VECTORS;
     let y = (tile / view.tiles.x) * GROUP_TILE + local / GROUP_VECTORS;
     let n_rows = view.plane_vectors / view.row_vectors;
-    return GroupPixels(x4, y, tile < view.tiles.x * view.tiles.y && x4 < view.row_vectors && y < n_rows);
+    let px = vec4f(0.5, 1.5, 2.5, 3.5) + f32(4u * x4);
+    return GroupPixels(x4, y, px, f32(y) + 0.5, tile < view.tiles.x * view.tiles.y && x4 < view.row_vectors && y < n_rows);
 }
 
 // Whether a splat is nowhere drawn in a row of pixels: reach bounds t_x^2 + t_y^2, and rounding may not lose a pixel.

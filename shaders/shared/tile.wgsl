@@ -1,3 +1,5 @@
+#import shared/entries
+
 // The slice of every list that a dispatch takes.
 struct Slice {
     // Its first entry.
@@ -8,6 +10,28 @@ struct Slice {
 }
 
 // All rasterizers, forward and backward, share this.
+
+// The entries of a list that a dispatch takes: all of them, or a slice.
+struct Entries {
+    first: u32,
+    end: u32,
+    // Whether the list has ended before the slice. No list ends before its first, be it empty.
+    is_over: bool,
+}
+
+// `sliced` is known where this is compiled: without slices nothing of them is left.
+fn entries_of(list: Range, slice_first: u32, sliced: bool) -> Entries {
+    if (!sliced) {
+        return Entries(list.first, list.end, false);
+    }
+    let length = list.end - list.first;
+    let first = list.first + min(slice_first, length);
+    return Entries(first, min(list.end, first + LIST_SLICE), slice_first > 0u && slice_first >= length);
+}
+
+fn sum4(v: vec4f) -> f32 {
+    return (v.x + v.y) + (v.z + v.w);
+}
 
 // 2^x for x <= 0 to about 1 ulp, on every driver: drivers may return 2^x with an error that
 // a gradient of 1e-5 would see. An adapter whose own has been found to be as good has it in a quarter of the instructions.

@@ -26,6 +26,7 @@ const SHARED: &[(&str, &str)] = sources![
     "shared/sh",
     "shared/sh_mean",
     "shared/tile",
+    "shared/thread_tile",
     "shared/group_tile",
     "shared/depth",
     "shared/depth_forward",
