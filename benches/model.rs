@@ -163,7 +163,8 @@ fn stages(view: &View, passes: [f64; 2], lanes: u32) -> Vec<Stage> {
     let listed = listed - skipped * (1.0 - SKIPPED_SHARE) * listed_beyond;
     let blended = blended - skipped * (1.0 - SKIPPED_SHARE_BACKWARD) * blended_beyond;
     let radix = Rasterizer::Workgroup.radix();
-    // Entries are read twice and written once; a count is written, read and written again, and read.
+    // Entries are read twice and written once; a count is written, read and written again, and read. An entry that is counted as
+    // it moves is read once, and adds to a count, which is read and written: as many bytes.
     let counts = f64::from(radix.digits()) / f64::from(radix.chunk);
     let pass = |entries: f64| entries * (3.0 * 8.0 + 4.0 * 4.0 * counts);
     let of = |name, dispatches, bytes, ops, chain| Stage {
@@ -177,7 +178,8 @@ fn stages(view: &View, passes: [f64; 2], lanes: u32) -> Vec<Stage> {
         of("project", 1.0, n * (240.0 + 56.0), n * 500.0, 2.0),
         of(
             "depth sort",
-            3.0 * passes[0],
+            // Digits of the first pass are counted by themselves.
+            1.0 + 2.0 * passes[0],
             passes[0] * pass(n),
             passes[0] * n * 60.0,
             passes[0] * 40.0,

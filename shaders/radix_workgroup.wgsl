@@ -1,7 +1,8 @@
 // Makes one pass of a stable radix sort by a digit of GROUP_RADIX_DIGITS values: count digits by block, unless what has
-// made the entries has counted them, scan the counts digit by digit, move. One workgroup a block of entries, or a digit of the scan. It sorts them by the digit in its own
-// memory, by the lower four bits and then by the upper, so that those of one digit leave side by side; equal keys keep their
-// order, so the result is the same on every adapter. Atomic additions count alone, and their order does not matter.
+// made or moved the entries has counted them, scan the counts digit by digit, move. One workgroup a block of entries, or a
+// digit of the scan. It sorts them by the digit in its own memory, by the lower four bits and then by the upper, so that those
+// of one digit leave side by side; equal keys keep their order, so the result is the same on every adapter. Atomic additions
+// count alone, and their order does not matter.
 #import shared/thread
 #import shared/radix
 #import shared/radix_group
@@ -13,6 +14,9 @@
 // Entry digit * n_chunks + block, and behind them what all blocks have of each digit.
 @group(0) @binding(3) var<storage, read_write> digit_counts: array<u32>;
 @group(0) @binding(4) var<storage, read> totals: array<u32>;
+// The counts of the next pass where this one makes them: the scan clears them, and each entry that moves is counted in the
+// block that it moves to.
+@group(0) @binding(5) var<storage, read_write> next_counts: array<atomic<u32>>;
 
 // Entries of a block that a thread ranks, which lie in a row; as many values have half a digit's bits.
 const OWN = CHUNK / WORKGROUP;
@@ -45,6 +49,10 @@ fn padded_counts(i: u32) -> u32 {
 
 fn digit_of(key: u32) -> u32 {
     return (key >> radix.shift) & (DIGITS - 1u);
+}
+
+fn next_digit_of(key: u32) -> u32 {
+    return (key >> (radix.shift + DIGIT_BITS)) & (DIGITS - 1u);
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -106,6 +114,9 @@ fn radix_scan(thread: Thread) {
         #repeat j 4
         if (at + {j}u < n_blocks && digit < DIGITS) {
             digit_counts[row + at + {j}u] = own;
+            if (radix.counts_next != 0u) {
+                atomicStore(&next_counts[row + at + {j}u], 0u);
+            }
         }
         own += count_{j};
         #end
@@ -203,7 +214,12 @@ fn radix_move(thread: Thread) {
         let digit = entry >> 16u;
         let source = first + (entry & 0xffffu);
         if (source < n) {
-            entries_out[firsts[digit] + at] = entries_in[source];
+            let moved = entries_in[source];
+            let to = firsts[digit] + at;
+            entries_out[to] = moved;
+            if (radix.counts_next != 0u) {
+                atomicAdd(&next_counts[next_digit_of(moved.x) * n_blocks + to / CHUNK], 1u);
+            }
         }
     }
 }

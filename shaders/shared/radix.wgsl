@@ -6,7 +6,8 @@ struct Radix {
     pairs: u32,
     // Bits below the pass's digit.
     shift: u32,
-    pad: u32,
+    // Not 0: what moves is counted for the next pass.
+    counts_next: u32,
 }
 
 fn n_entries(radix: Radix, n_pairs: u32, overflow: u32) -> u32 {

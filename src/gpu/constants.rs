@@ -137,6 +137,7 @@ pub fn prelude(sh_degree: u32, exp2_of_adapter: bool) -> String {
         ("RANGE_CHUNK", RANGE_CHUNK),
         ("RADIX_DIGITS", RADIX_DIGITS),
         ("GROUP_RADIX_CHUNK", GROUP_RADIX_CHUNK),
+        ("GROUP_RADIX_BITS", GROUP_RADIX_BITS),
         ("GROUP_RADIX_DIGITS", GROUP_RADIX_DIGITS),
         ("EMIT_CHUNK", EMIT_CHUNK),
         ("PAIR_BLOCK", PAIR_BLOCK),

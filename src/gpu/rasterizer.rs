@@ -55,6 +55,8 @@ pub struct RadixShape {
     pub chunk: u32,
     /// Threads a chunk.
     pub threads: u32,
+    /// Whether the sort by depth counts each pass's digits as the pass before moves the entries.
+    pub counts_moved: bool,
 }
 
 impl RadixShape {
@@ -138,11 +140,13 @@ impl Rasterizer {
                 bits: RADIX_BITS,
                 chunk: RADIX_CHUNK,
                 threads: 1,
+                counts_moved: false,
             },
             Rasterizer::Workgroup => RadixShape {
                 bits: GROUP_RADIX_BITS,
                 chunk: GROUP_RADIX_CHUNK,
                 threads: WORKGROUP,
+                counts_moved: true,
             },
         }
     }

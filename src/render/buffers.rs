@@ -78,6 +78,14 @@ pub(super) const BUFFERS: &[Described] = &[
     storage::<Entries>("depth_order", Part::Sorts, |c| c.stride.div_ceil(2)),
     storage::<Entries>("depth_order_swap", Part::Sorts, |c| c.stride.div_ceil(2)),
     storage::<u32>("digit_counts", Part::Sorts, n_digits),
+    // Those of every other pass of the sort by depth, where each pass counts for the next.
+    storage::<u32>("digit_counts_swap", Part::Sorts, |c| {
+        let radix = c.rasterizer.radix();
+        match radix.counts_moved {
+            true => radix.counts(c.stride) + radix.digits() as usize,
+            false => 0,
+        }
+    }),
     storage::<Entries>("pairs", Part::Pairs, |c| c.pairs.div_ceil(2)),
     storage::<Entries>("pairs_swap", Part::Sorts, |c| c.pairs.div_ceil(2)),
     storage::<u32>("pair_gaussian", Part::Pairs, |c| c.pairs),

@@ -252,24 +252,32 @@ impl Groups {
             let many = [&kernels.scan_reduce, &kernels.scan_spread];
             ScanGroups::Many(many.map(bind))
         };
+        let digit_counts = [
+            space.buffer("digit_counts"),
+            space.buffer("digit_counts_swap"),
+        ];
+        let radix_shape = kernels.rasterizer.radix();
         let radix = |passes: &[Buffer],
                      entries: [&Buffer; 2],
-                     uniform: &Buffer,
-                     most: usize,
-                     n_counted: usize| {
+                     (uniform, most): (&Buffer, usize),
+                     moves_counted: bool,
+                     is_counted: &dyn Fn(usize) -> bool| {
             let pass = |(i, pass): (usize, &Buffer)| {
+                // Where entries are counted as they move, one pass reads what the other clears and counts.
+                let turn = if moves_counted { i % 2 } else { 0 };
                 let from_to = [
                     ("radix", pass),
                     ("entries_in", entries[i % 2]),
                     ("entries_out", entries[1 - i % 2]),
+                    ("digit_counts", digit_counts[turn]),
+                    ("next_counts", digit_counts[1 - turn]),
                 ];
-                let n_digits = kernels.rasterizer.radix().counts(most);
-                let counts = space.buffer("digit_counts");
+                let n_digits = radix_shape.counts(most);
                 RadixGroups {
-                    count: (i >= n_counted).then(|| with(&from_to, &kernels.radix_count)),
+                    count: (!is_counted(i)).then(|| with(&from_to, &kernels.radix_count)),
                     scan: match &kernels.radix_scan {
                         Some(kernel) => DigitScan::Digits(kernel.clone(), with(&from_to, kernel)),
-                        None => DigitScan::Counts(scan(uniform, counts, n_digits)),
+                        None => DigitScan::Counts(scan(uniform, digit_counts[0], n_digits)),
                     },
                     shift: with(&from_to, &kernels.radix_move),
                 }
@@ -287,26 +295,23 @@ impl Groups {
             space.buffer("depth_order_swap"),
         ];
         let [count, emit] = [0, 1].map(|mode| space.of_slot("mode", mode));
-        // Workgroups that emit pairs count the digits of the first pass, too.
-        let n_counted = match kernels.rasterizer {
-            Rasterizer::Thread => 0,
-            Rasterizer::Workgroup => 1,
-        };
+        let is_workgroup = kernels.rasterizer == Rasterizer::Workgroup;
         Groups {
             project: by_degree(&kernels.project),
             depth_passes: radix(
                 space.depth_passes(slot),
                 depths,
-                uniform("scan_splat_digits"),
-                model.n,
-                0,
+                (uniform("scan_splat_digits"), model.n),
+                radix_shape.counts_moved,
+                &|pass| radix_shape.counts_moved && pass > 0,
             ),
             pair_passes: radix(
                 space.all("pair_passes"),
                 space.pair_halves(),
-                uniform("scan_pair_digits"),
-                space.capacity.pairs,
-                n_counted,
+                (uniform("scan_pair_digits"), space.capacity.pairs),
+                false,
+                // Workgroups that emit pairs count the digits of the first pass, too.
+                &|pass| is_workgroup && pass == 0,
             ),
             bin_count: with(&[("mode", count)], &kernels.bin),
             bin_emit: with(&[("mode", emit)], &kernels.bin),

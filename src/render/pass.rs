@@ -78,13 +78,13 @@ impl<'a> Pass<'a> {
         let digits = |n| scan(n, TOTAL_DIGITS, 0);
         uniforms.put("scan_splat_digits", &[digits(n_digits)]);
         uniforms.put("scan_pair_digits", &[digits(0)]);
+        let n_passes = n_depth_passes(&capacity) as u32;
         let pass = |i: u32| RadixUniform {
             n,
             pairs: 0,
             shift: i * radix.bits,
-            pad: 0,
+            counts_next: u32::from(radix.counts_moved && i + 1 < n_passes),
         };
-        let n_passes = n_depth_passes(&capacity) as u32;
         let passes: Vec<RadixUniform> = (0..n_passes).map(pass).collect();
         uniforms.put("depth_passes", &passes);
         uniforms.write(gpu);

@@ -378,6 +378,6 @@ pub struct RadixUniform {
     pub pairs: u32,
     /// Bits below the pass's digit.
     pub shift: u32,
-    /// Padding to a whole vector.
-    pub pad: u32,
+    /// 1 if what moves is counted for the next pass, else 0.
+    pub counts_next: u32,
 }

@@ -121,7 +121,7 @@ impl Workspace {
                 n: shader_count(self.capacity.pairs),
                 pairs: 1,
                 shift: i * self.capacity.rasterizer.radix().bits,
-                pad: 0,
+                counts_next: 0,
             };
             buffer.write(gpu, &[pass]);
         }

@@ -234,6 +234,18 @@ pub(crate) const PLANTS: [Plant; 88] = [
         stage::RADIX_SORT_WORKGROUP,
     ),
     plant(
+        "radix_workgroup",
+        "+ to / CHUNK], 1u)",
+        "+ number], 1u)",
+        stage::RADIX_SORT_WORKGROUP,
+    ),
+    plant(
+        "radix_workgroup",
+        "atomicStore(&next_counts[row + at + 0u], 0u);",
+        "",
+        stage::RADIX_SORT_WORKGROUP,
+    ),
+    plant(
         "scan_workgroup",
         "- step], local >= step);",
         "- step], local > step);",
