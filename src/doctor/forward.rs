@@ -191,7 +191,7 @@ fn hold_keys(
 }
 
 /// Sorts by key and leaves equal keys as they were.
-fn sorted(entries: &[[u32; 2]]) -> Vec<[u32; 2]> {
+pub(super) fn sorted(entries: &[[u32; 2]]) -> Vec<[u32; 2]> {
     let mut sorted = entries.to_vec();
     sorted.sort_by_key(|entry| entry[0]);
     sorted

@@ -24,6 +24,7 @@ pub mod image;
 pub mod loss;
 pub mod marks;
 pub mod pose;
+pub mod sorts;
 pub mod stage;
 pub mod timing;
 pub mod twin;
@@ -157,7 +158,7 @@ pub fn examine(gpu: Gpu, rounds: u32) -> Result<Report> {
     Ok(Report::new(adapter, rasterizers, findings, &timings))
 }
 
-/// Checks every stage of small views, with the context's rasterizer.
+/// Checks every stage of small views, and a sort of many entries, with the context's rasterizer.
 ///
 /// # Errors
 /// A GPU fault.
@@ -166,6 +167,7 @@ pub fn examine_views(ctx: &Context) -> Result<Vec<Finding>> {
     for case in view::small_cases().iter().chain(&view::extreme_cases()) {
         findings.extend(view::examine(ctx, case)?.0.list);
     }
+    findings.extend(sorts::examine(ctx, sorts::BLOCKS)?.list);
     Ok(findings)
 }
 

@@ -263,7 +263,7 @@ impl Groups {
                      moves_counted: bool,
                      is_counted: &dyn Fn(usize) -> bool| {
             let pass = |(i, pass): (usize, &Buffer)| {
-                // Where entries are counted as they move, one pass reads what the other clears and counts.
+                // One pass reads what the other clears and counts, if entries are counted as they move.
                 let turn = if moves_counted { i % 2 } else { 0 };
                 let from_to = [
                     ("radix", pass),

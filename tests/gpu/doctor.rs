@@ -7,7 +7,7 @@ use gspotential::doctor::twin::cases::{cover, huge, random_scene};
 use gspotential::doctor::view::{COVERS, ORDINARY, ViewCase};
 use gspotential::doctor::{
     Adapter, Context, Finding, RasterizerReport, Report, changes, examine_exp2, examine_treatments,
-    exchange, loss, marks, stage, view,
+    exchange, loss, marks, sorts, stage, view,
 };
 use gspotential::error::Result;
 use gspotential::gpu::shader::{STAGES, compose};
@@ -46,6 +46,7 @@ fn findings(ctx: &Context) -> Result<Vec<Finding>> {
     for case in view::extreme_cases() {
         findings.extend(view::examine(ctx, &case)?.0.list);
     }
+    findings.extend(sorts::examine(ctx, sorts::BLOCKS)?.list);
     findings.extend(examine_exp2(ctx)?.list);
     for mask in [None, Some(MaskKind::Any)] {
         let (size, kind) = ((33, 17), Kind::Noise);

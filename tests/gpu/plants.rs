@@ -45,7 +45,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-pub(crate) const PLANTS: [Plant; 88] = [
+pub(crate) const PLANTS: [Plant; 90] = [
     plant(
         "project",
         "+ DILATION;",

@@ -65,7 +65,7 @@ fn host_layouts() -> BTreeMap<&'static str, Layout> {
                 patch_vectors, normals),
         ),
         ("Scan", layout!(ScanUniform: n, total, capacity, step)),
-        ("Radix", layout!(RadixUniform: n, pairs, shift, pad)),
+        ("Radix", layout!(RadixUniform: n, pairs, shift, counts_next)),
         (
             "Step",
             layout!(StepUniform: views, geometry_rates, sh_0_rate, sh_rate, flat_weight, beta_1, beta_2,

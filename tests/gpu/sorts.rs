@@ -1,9 +1,7 @@
 //! Scans and radix sorts at the sizes where they change their way, and beyond what they count to.
 
-use gspotential::doctor::twin::cases::{cameras, random_scene};
 use gspotential::doctor::twin::random::Random;
-use gspotential::doctor::{Context, Rig, gaussians_of, view_of};
-use gspotential::gaussians::Gaussians;
+use gspotential::doctor::{Context, Finding, Rig, sorts};
 use gspotential::gpu::constants::{
     GROUP_RADIX_CHUNK, RADIX_CHUNK, SCAN_CHUNK, SCAN_FEW, WORKGROUP,
 };
@@ -41,23 +39,6 @@ fn every_size() -> impl Iterator<Item = (Rasterizer, usize)> {
     all.flat_map(|rasterizer| SIZES.map(|n| (rasterizer, n)))
 }
 
-/// A rig with room for `n` Gaussians, whatever they are.
-fn rig(ctx: &Context, n: usize) -> Rig {
-    let few = gaussians_of(&random_scene(64, 0, 3).gaussians, 0);
-    let again = || (0..n).map(|i| i % 64);
-    let gaussians = Gaussians {
-        means: again().map(|i| few.means[i]).collect(),
-        scales_log: again().map(|i| few.scales_log[i]).collect(),
-        rotations_wxyz: again().map(|i| few.rotations_wxyz[i]).collect(),
-        opacity_logits: again().map(|i| few.opacity_logits[i]).collect(),
-        sh: again()
-            .flat_map(|i| few.sh[3 * i..][..3].to_vec())
-            .collect(),
-        sh_degree: 0,
-    };
-    Rig::new(ctx, &gaussians, view_of(&cameras()[0]), 0).expect("fits")
-}
-
 fn run(ctx: &Context, rig: &Rig, record: fn(&Pass<'_>, &mut Commands<'_>)) {
     let mut commands = Commands::new(&ctx.gpu);
     record(&rig.pass(ctx), &mut commands);
@@ -68,7 +49,7 @@ fn run(ctx: &Context, rig: &Rig, record: fn(&Pass<'_>, &mut Commands<'_>)) {
 fn scans_of_all_sizes_are_the_sums_before() {
     for (rasterizer, n) in every_size() {
         let ctx = context_of(rasterizer);
-        let rig = rig(&ctx, n);
+        let rig = sorts::rig(&ctx, n).expect("fits");
         let mut random = Random::new(n as u64);
         let counts: Vec<u32> = (0..n).map(|_| random.uniform(0.0, 9.0) as u32).collect();
         rig.start(&ctx);
@@ -90,7 +71,7 @@ fn a_total_beyond_32_bits_is_the_largest_number_and_too_many() {
     let sizes = [FEW, FEW + 1].map(|n| Rasterizer::ALL.map(|rasterizer| (rasterizer, n)));
     for (rasterizer, n) in sizes.into_iter().flatten() {
         let ctx = context_of(rasterizer);
-        let rig = rig(&ctx, n);
+        let rig = sorts::rig(&ctx, n).expect("fits");
         rig.start(&ctx);
         let counts = vec![u32::MAX / (n as u32 - 1); n];
         rig.buffer("splat_pairs").write(&ctx.gpu, &counts);
@@ -104,19 +85,7 @@ fn a_total_beyond_32_bits_is_the_largest_number_and_too_many() {
 fn sorts_of_all_sizes_are_stable() {
     for (rasterizer, n) in every_size().chain([(Rasterizer::Workgroup, MANY)]) {
         let ctx = context_of(rasterizer);
-        let rig = rig(&ctx, n);
-        let mut random = Random::new(n as u64);
-        // Few keys, so that many are equal, but of all digits.
-        let step = u32::MAX / 37;
-        let key = |_| random.uniform(0.0, 37.0) as u32 * step;
-        let keys: Vec<u32> = (0..n).map(key).collect();
-        let entries: Vec<[u32; 2]> = keys.into_iter().zip(0..).map(|(k, i)| [k, i]).collect();
-        rig.start(&ctx);
-        rig.buffer("depth_order").write(&ctx.gpu, &entries);
-        run(&ctx, &rig, |pass, commands| pass.sort_by_depth(commands));
-        let sorted: Vec<[u32; 2]> = rig.read(&ctx, "depth_order", n).expect("readable");
-        let mut expected = entries;
-        expected.sort_by_key(|entry| entry[0]);
-        assert!(sorted == expected, "{n}");
+        let findings = sorts::examine(&ctx, n).expect("computes").list;
+        assert!(findings.iter().all(Finding::holds), "{n}");
     }
 }
