@@ -56,9 +56,14 @@ impl Disc {
 /// Returns the pixels of `limit` in a row whose centres lie within `reach` of `middle`; none where
 /// it is NaN.
 fn span(middle: f64, reach: f64, limit: u32) -> std::ops::Range<usize> {
-    // Casts saturate, and NaN becomes 0.
-    let first = (middle - reach - 0.5).ceil().max(0.0) as usize;
-    let end = ((middle + reach - 0.5).floor() + 1.0).clamp(0.0, f64::from(limit)) as usize;
+    let (low, high) = (middle - reach - 0.5, middle + reach - 0.5);
+    // Casts cut off what is behind the point, saturate, and make 0 of NaN. `ceil` and `floor` would be calls, one a disc.
+    let whole = low as usize;
+    let first = whole + usize::from((whole as f64) < low);
+    let end = match high >= 0.0 {
+        true => (high as usize).saturating_add(1).min(limit as usize),
+        false => 0,
+    };
     first..end
 }
 
