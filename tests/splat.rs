@@ -374,7 +374,10 @@ fn the_image_does_not_depend_on_the_scenes_unit_or_origin() {
                 NEAR,
             )
             .unwrap();
-            assert!(image[0] == reference, "unit {unit}, shift {shift}");
+            assert!(
+                image[0].rgba == reference.rgba,
+                "unit {unit}, shift {shift}"
+            );
         }
     }
 }

@@ -38,7 +38,7 @@ use crate::error::{Error, Result};
 use crate::scene::PointCloud;
 
 /// A splatted image with its mask.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct SplatImage {
     /// Columns of pixels.
     pub width: u32,
@@ -47,6 +47,8 @@ pub struct SplatImage {
     /// `height * width * 4` bytes, row 0 on top: sRGB as in the cloud and alpha 255 where a
     /// point was drawn; all 0 elsewhere.
     pub rgba: Vec<u8>,
+    /// `height * width` depths, canonical, of the nearest point in every covered pixel; 0 elsewhere.
+    pub depths: Vec<f32>,
 }
 
 impl SplatImage {
@@ -70,7 +72,7 @@ impl SplatImage {
 /// other covered pixels in their window, all decided on the unfiltered mask. Points nearer than
 /// `near`, canonical, are not drawn.
 ///
-/// Memory: 4 bytes a pixel for every camera, and for every thread at work 9 a pixel, or 25 for
+/// Memory: 8 bytes a pixel for every camera, and for every thread at work 9 a pixel, or 25 for
 /// discs. The result does not depend on the number of threads.
 ///
 /// # Errors
@@ -114,7 +116,8 @@ pub fn splat_where(
             if config.footprint == Footprint::Disc {
                 blend.sum((&points, &cloud.colors), &camera, config, near, z_buffer);
             }
-            let mut rgba = vec![0; 4 * z_buffer.winners().len()];
+            let n_pixels = z_buffer.winners().len();
+            let (mut rgba, mut depths) = (vec![0; 4 * n_pixels], vec![0.0; n_pixels]);
             let eye = camera.center();
             filter.kept(z_buffer, config, |pixel, winner| {
                 if shows(winner.point, eye) {
@@ -123,12 +126,14 @@ pub fn splat_where(
                         Footprint::Disc => blend.color(pixel),
                     };
                     rgba[4 * pixel..][..4].copy_from_slice(&[r, g, b, 255]);
+                    depths[pixel] = winner.depth;
                 }
             });
             SplatImage {
                 width: camera.width,
                 height: camera.height,
                 rgba,
+                depths,
             }
         })
         .collect())
