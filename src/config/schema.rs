@@ -361,7 +361,7 @@ section! {
         /// Weighs virtual views by `alpha_k = 1 / (1 + U_conf)`; without it `alpha_k` is 1.
         confidence_weighting: bool = true, any().paper("alpha_k, Eq. 8");
         /// Weight of a virtual view's pixels that no point covers, against 1 of those that one does;
-        /// their colour is filled in from around. Rounded to a multiple of 1/255; 0: ignored, as the
+        /// their colour is that of what lies behind, around them. Rounded to a multiple of 1/255; 0: ignored, as the
         /// paper does.
         fill_weight: f64 = 0.0, within(0.0, 1.0);
         /// Weight of a second L1 loss, the mean over the farthest twentieth of a photograph's pixels, by the

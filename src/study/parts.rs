@@ -45,7 +45,7 @@ const fn part(
 const DENSIFY: &[&str] = &["densify.enabled"];
 
 /// Virtual views are the first: those about them are added to it.
-const PARTS: [Part; 6] = [
+const PARTS: [Part; 7] = [
     part("virtual views", "views", &["views.count"], false),
     part(
         "visible candidates",
@@ -64,6 +64,7 @@ const PARTS: [Part; 6] = [
         true,
     ),
     part("filled holes", "fill", &["loss.fill_weight"], true),
+    part("blended photographs", "blend", &["splat.colors"], true),
     part("carving", "carve", &["carve.enabled"], false),
     part("far shell", "shell", &["shell.count"], false),
 ];

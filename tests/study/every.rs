@@ -27,8 +27,8 @@ fn every_study_reports_in_text_numbers_and_pictures_and_trains_nothing_twice() {
         ("parameters", 5, 4),
         // 4 predictors of 3 presets, of which the default one is new.
         ("potential", 12, 1),
-        // Those three are there; the base, 6 with, 6 without, 3 set aside.
-        ("parts", 3 + 6 + 1 + 6 + 3, 1 + 6 + 6 + 3),
+        // Those three are there; the base, 7 with, 7 without, 3 set aside.
+        ("parts", 3 + 7 + 1 + 7 + 3, 1 + 7 + 7 + 3),
         // With curves, so of their own.
         ("presets", 7, 7),
         // All systems that need no masks; the presets' are there.
