@@ -45,7 +45,7 @@ fn own_preset_differs_from_the_paper_in_its_parts_alone() {
         "optimizer.sh_lr=0.01",
         "scene.pixels_a_point=4.0",
         "shell.count=500",
-        "splat.colors=blend",
+        "splat.colors=\"blend\"",
         "splat.outline=true",
         "views.visibility.enabled=true",
         "views.visibility.mask_angle_deg=80.0",
