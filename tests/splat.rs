@@ -202,6 +202,10 @@ fn discs_hide_what_lies_behind_a_sparse_surface_and_single_pixels_do_not() {
             .remove(0);
         let green = image.rgba.chunks_exact(4).filter(|p| p[1] > 0).count() as f64;
         let depths = splat_depths(&points, &Frame::IDENTITY, views, &config, NEAR).unwrap();
+        // The image holds the same depths where it is covered.
+        let own = |(depth, covered): (&f32, bool)| if covered { *depth } else { 0.0 };
+        let expected: Vec<f32> = depths[0].iter().zip(image.mask()).map(own).collect();
+        assert_eq!(image.depths, expected);
         let behind = depths[0]
             .iter()
             .filter(|d| d.is_finite() && **d > 2.5)

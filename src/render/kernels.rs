@@ -260,8 +260,7 @@ impl Groups {
         let radix = |passes: &[Buffer],
                      entries: [&Buffer; 2],
                      (uniform, most): (&Buffer, usize),
-                     moves_counted: bool,
-                     is_counted: &dyn Fn(usize) -> bool| {
+                     [first_counted, moves_counted]: [bool; 2]| {
             let pass = |(i, pass): (usize, &Buffer)| {
                 // One pass reads what the other clears and counts, if entries are counted as they move.
                 let turn = if moves_counted { i % 2 } else { 0 };
@@ -273,8 +272,9 @@ impl Groups {
                     ("next_counts", digit_counts[1 - turn]),
                 ];
                 let n_digits = radix_shape.counts(most);
+                let is_counted = if i == 0 { first_counted } else { moves_counted };
                 RadixGroups {
-                    count: (!is_counted(i)).then(|| with(&from_to, &kernels.radix_count)),
+                    count: (!is_counted).then(|| with(&from_to, &kernels.radix_count)),
                     scan: match &kernels.radix_scan {
                         Some(kernel) => DigitScan::Digits(kernel.clone(), with(&from_to, kernel)),
                         None => DigitScan::Counts(scan(uniform, digit_counts[0], n_digits)),
@@ -302,16 +302,14 @@ impl Groups {
                 space.depth_passes(slot),
                 depths,
                 (uniform("scan_splat_digits"), model.n),
-                radix_shape.counts_moved,
-                &|pass| radix_shape.counts_moved && pass > 0,
+                [false, radix_shape.counts_moved],
             ),
             pair_passes: radix(
                 space.all("pair_passes"),
                 space.pair_halves(),
                 (uniform("scan_pair_digits"), space.capacity.pairs),
-                false,
                 // Workgroups that emit pairs count the digits of the first pass, too.
-                &|pass| is_workgroup && pass == 0,
+                [is_workgroup, false],
             ),
             bin_count: with(&[("mode", count)], &kernels.bin),
             bin_emit: with(&[("mode", emit)], &kernels.bin),
