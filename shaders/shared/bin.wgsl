@@ -7,6 +7,7 @@
 #import shared/view
 #import shared/splat
 #import shared/entries
+#import shared/whole
 
 // What a dispatch does.
 struct Bin {
@@ -68,7 +69,7 @@ fn outline(id: u32) -> Outline {
     let top = max(ceil(s.anchor.y - (s.t_0.y + radius) * inv_yy - 0.5 - RIM), 0.0);
     let bottom = min(floor(s.anchor.y - (s.t_0.y - radius) * inv_yy - 0.5 + RIM), f32(view.size.y) - 1.0);
     if (s.reach > 0.0 && top <= bottom) {
-        o.rows = vec2u(u32(top) / LIST_H, u32(bottom) / LIST_H + 1u);
+        o.rows = vec2u(whole(top) / LIST_H, whole(bottom) / LIST_H + 1u);
     }
     return o;
 }
@@ -87,11 +88,12 @@ fn columns(o: Outline, row: u32) -> vec2u {
     let left = -(sqrt(max(o.reach - left_y * left_y, 0.0)) + left_x) * o.inv_xx;
     let x_0 = max(ceil(o.anchor.x + left - 0.5 - RIM), 0.0);
     let x_1 = min(floor(o.anchor.x + right - 0.5 + RIM), f32(view.size.x) - 1.0);
-    if (x_0 > x_1) {
+    // Not so where one is not a number, either.
+    if (!(x_0 <= x_1)) {
         return vec2u(0u);
     }
-    let column = u32(x_0) / LIST_W;
-    return vec2u(column, u32(x_1) / LIST_W - column + 1u);
+    let column = whole(x_0) / LIST_W;
+    return vec2u(column, whole(x_1) / LIST_W - column + 1u);
 }
 
 // The splat that pair `pair` is of: the last of `n` whose first pair is not beyond it, `low` or

@@ -1,4 +1,5 @@
 #import shared/entries
+#import shared/whole
 
 // The slice of every list that a dispatch takes.
 struct Slice {
@@ -50,5 +51,6 @@ fn exp2_negative(x: vec4f) -> vec4f {
     p = p * f + EXP2_C2;
     p = p * f + EXP2_C1;
     p = p * f + 1.0;
-    return bitcast<vec4f>(bitcast<vec4i>(p) + (vec4i(n) << vec4u(23u)));
+    // n stands in the sum's low bits, and the others are shifted out.
+    return bitcast<vec4f>(bitcast<vec4i>(p) + (bitcast<vec4i>(n + WHOLE) << vec4u(23u)));
 }

@@ -25,6 +25,7 @@ const SHARED: &[(&str, &str)] = sources![
     "shared/dropout",
     "shared/sh",
     "shared/sh_mean",
+    "shared/whole",
     "shared/tile",
     "shared/thread_tile",
     "shared/group_tile",
