@@ -34,6 +34,7 @@ const SHARED: &[(&str, &str)] = sources![
     "shared/depth_backward",
     "shared/bin",
     "shared/loss",
+    "shared/ssim_windows",
     "shared/ssim",
     "shared/radix",
     "shared/radix_thread",
