@@ -4,7 +4,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
-use super::constants::WORKGROUP;
 use super::{Buffer, Gpu, Kernel, Profile};
 
 /// One thing that the GPU is to do.
@@ -46,7 +45,7 @@ impl<'a> Commands<'a> {
 
     /// Dispatches at least `n_threads` threads, folded into two dimensions.
     pub fn dispatch(&mut self, kernel: &Kernel, group: &wgpu::BindGroup, n_threads: u64) {
-        let n_groups = n_threads.div_ceil(u64::from(WORKGROUP));
+        let n_groups = n_threads.div_ceil(u64::from(kernel.workgroup()));
         if n_groups == 0 {
             return;
         }

@@ -45,6 +45,12 @@ impl Kernel {
         self.0.name
     }
 
+    /// Returns the threads of a workgroup, as the shader says.
+    pub(super) fn workgroup(&self) -> u32 {
+        let Parts { name, stage, .. } = &*self.0;
+        stage.point(name).1.workgroup_size.iter().product()
+    }
+
     /// Says whether `other` is a copy of it.
     pub(super) fn is(&self, other: &Kernel) -> bool {
         Arc::ptr_eq(&self.0, &other.0)
@@ -181,6 +187,15 @@ impl Stage {
         })
     }
 
+    /// Returns the place of an entry point among those of the stage, and the point.
+    fn point(&self, entry: &str) -> (usize, &naga::EntryPoint) {
+        let points = self.checked().0.entry_points.iter();
+        points
+            .enumerate()
+            .find(|(_, point)| point.name == entry)
+            .unwrap_or_else(|| panic!("{}: no entry point named {entry}", self.name))
+    }
+
     fn shader(&self, gpu: &Gpu) -> &wgpu::ShaderModule {
         self.shader.get_or_init(|| {
             gpu.device
@@ -193,11 +208,7 @@ impl Stage {
 
     fn layout(&self, gpu: &Gpu, entry: &str) -> Layout {
         let (stage, (module, info)) = (&self.name, self.checked());
-        let point = module
-            .entry_points
-            .iter()
-            .position(|point| point.name == entry)
-            .unwrap_or_else(|| panic!("{stage}: no entry point named {entry}"));
+        let (point, _) = self.point(entry);
         let uses = info.get_entry_point(point);
         let mut bindings = Vec::new();
         let mut entries = Vec::new();
