@@ -3,15 +3,15 @@
 use serde::Serialize;
 
 use crate::gpu::Gpu;
-use crate::gpu::constants::WORKGROUP;
+use crate::gpu::constants::LOSS_GROUP;
 use crate::render::most_gaussians;
 
 /// Most storage buffers that a kernel binds, no more than WebGPU promises everywhere.
 pub const STORAGE_BUFFERS: u32 = 8;
 /// Most uniform buffers that a kernel binds.
 pub const UNIFORM_BUFFERS: u32 = 2;
-/// Most bytes that a workgroup shares (`rasterize_backward_workgroup`).
-pub const WORKGROUP_BYTES: u32 = 13984;
+/// Most bytes that a workgroup shares (`ssim_workgroup`).
+pub const WORKGROUP_BYTES: u32 = 16240;
 
 /// The adapter and its limits.
 #[derive(Clone, Debug, Serialize)]
@@ -85,7 +85,7 @@ impl Adapter {
                     limits
                         .max_compute_invocations_per_workgroup
                         .min(limits.max_compute_workgroup_size_x),
-                    WORKGROUP,
+                    LOSS_GROUP,
                 ),
                 limit(
                     "workgroup memory, bytes",

@@ -11,6 +11,7 @@ use crate::doctor::twin::random::Random;
 use crate::doctor::twin::tolerance;
 use crate::error::Result;
 use crate::gaussians::Gaussians;
+use crate::gpu::constants::{LOSS_ROWS, LOSS_STRIP};
 use crate::render::{LossUniform, ViewUniform};
 
 /// Share of SSIM in the loss.
@@ -18,6 +19,9 @@ pub const SSIM_WEIGHT: f64 = 0.2;
 
 /// The size of a photograph as it is trained on.
 pub const LARGE: (usize, usize) = (1600, 1067);
+
+/// An image whose parts that workgroups own have seams across and down, and several each way.
+pub const SEAMS: (usize, usize) = (2 * LOSS_STRIP as usize + 13, 2 * LOSS_ROWS as usize + 11);
 
 /// Content of the two images.
 #[derive(Clone, Copy, Debug)]

@@ -264,6 +264,15 @@ fn loss_cases() -> Vec<LossCase> {
             add(Kind::Noise, Some(mask));
         }
     }
+    for (kind, mask) in [
+        (Kind::Noise, None),
+        (Kind::Flat, None),
+        (Kind::Noise, Some(MaskKind::Half)),
+        (Kind::Flat, Some(MaskKind::Any)),
+    ] {
+        let size = loss::SEAMS;
+        cases.push(LossCase { size, kind, mask });
+    }
     cases
 }
 

@@ -31,9 +31,9 @@ pub const RASTERIZE_WORKGROUP: &str = "rasterize, workgroup";
 pub const LOSS: &str = "L1 + SSIM";
 /// Compares an image with its target image, each pixel by its weight, and finds the gradient.
 pub const MASKED_LOSS: &str = "L1 + SSIM, masked";
-/// Compares the images, a workgroup a tile.
+/// Compares the images, a workgroup a part of a strip.
 pub const LOSS_WORKGROUP: &str = "L1 + SSIM, workgroup";
-/// Compares the images by the pixels' weights, a workgroup a tile.
+/// Compares the images by the pixels' weights, a workgroup a part of a strip.
 pub const MASKED_LOSS_WORKGROUP: &str = "L1 + SSIM, masked, workgroup";
 /// Carries the image's gradient back to the pairs.
 pub const RASTERIZE_BACKWARD: &str = "rasterize_backward";

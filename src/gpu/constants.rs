@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use crate::gaussians::SH_0;
 
-/// Threads a workgroup, in every kernel.
+/// Threads a workgroup, in every kernel but one ([`LOSS_GROUP`]).
 pub const WORKGROUP: u32 = 64;
 /// Width of a tile that a thread owns, pixels, four a vector.
 pub const TILE_W: u32 = 4;
@@ -68,6 +68,20 @@ const _: () = assert!(
 const _: () = assert!(2 * LIST_SLICE + 2 < LOOP_TURNS, "a slice's two loops end");
 /// Rows that a thread of SSIM's vertical passes covers.
 pub const SSIM_ROWS: u32 = 8;
+/// Threads a workgroup of the image losses on GPUs: columns of the strip that it marches down.
+pub const LOSS_GROUP: u32 = 128;
+/// Columns of a strip that are its own: those of its windows' windows.
+pub const LOSS_STRIP: u32 = LOSS_GROUP - 2 * (SSIM_WINDOW as u32 - 1);
+/// Rows of a strip that a workgroup owns.
+pub const LOSS_ROWS: u32 = 78;
+/// Rows that it goes down at a time, one a lane of a vector.
+pub const LOSS_TURN: u32 = 4;
+/// Rows above them that their windows reach.
+const LOSS_MARGIN: u32 = SSIM_WINDOW as u32 - 1;
+const _: () = assert!(
+    (LOSS_ROWS + LOSS_MARGIN).is_multiple_of(LOSS_TURN),
+    "turns end with the rows"
+);
 /// Slot of the `totals` buffer: (tile, Gaussian) pairs of the current view.
 pub const TOTAL_PAIRS: u32 = 0;
 /// Slot of `totals`: entries of the current radix sort.
@@ -143,6 +157,10 @@ pub fn prelude(sh_degree: u32, exp2_of_adapter: bool) -> String {
         ("PAIR_BLOCK", PAIR_BLOCK),
         ("LIST_SLICE", LIST_SLICE),
         ("SSIM_ROWS", SSIM_ROWS),
+        ("LOSS_GROUP", LOSS_GROUP),
+        ("LOSS_STRIP", LOSS_STRIP),
+        ("LOSS_ROWS", LOSS_ROWS),
+        ("LOSS_TURN", LOSS_TURN),
         ("FAR_ALPHA", FAR_ALPHA),
         ("TOTAL_PAIRS", TOTAL_PAIRS),
         ("TOTAL_OVERFLOW", TOTAL_OVERFLOW),
@@ -208,6 +226,9 @@ pub fn repeat_count(count: &str) -> u32 {
         "TILE_H" => TILE_H,
         "SSIM_ROWS" => SSIM_ROWS,
         "SSIM_WINDOW" => SSIM_WINDOW as u32,
+        "LOSS_TURN" => LOSS_TURN,
+        "LOSS_MARGIN" => LOSS_MARGIN,
+        "LOSS_RING" => LOSS_MARGIN + LOSS_TURN,
         "SSIM_STRIP" => SSIM_WINDOW as u32 - 1 + SSIM_ROWS,
         number => number
             .parse()

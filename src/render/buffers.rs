@@ -103,12 +103,8 @@ pub(super) const BUFFERS: &[Described] = &[
         copies: |_| N_SLOTS,
         ..training::<[u32; 4]>("goal", Part::Goals, |c| c.plane)
     },
-    // Workgroups have them in their own memory.
-    training::<F4>("moments", Part::Loss, |c| match c.rasterizer {
-        Rasterizer::Thread => 13 * c.plane,
-        Rasterizer::Workgroup => 0,
-    }),
-    training::<F4>("derivatives", Part::Loss, |c| 9 * c.plane),
+    training::<F4>("moments", Part::Loss, |c| planes_of_threads(c, 13)),
+    training::<F4>("derivatives", Part::Loss, |c| planes_of_threads(c, 9)),
     training::<F2>("partials", Part::Loss, |c| n_partials(c.plane)),
     training::<F2>("block_partials", Part::Loss, |c| n_partials(c.plane)),
     // Per view of the step: mean L1, mean SSIM.
@@ -330,8 +326,16 @@ fn n_pair_passes(capacity: &Capacity) -> usize {
     capacity.rasterizer.radix().passes(bits) as usize
 }
 
+/// Returns the vectors of so many planes that hand the losses' moments on; workgroups have them in their own memory.
+fn planes_of_threads(capacity: &Capacity, planes: usize) -> usize {
+    match capacity.rasterizer {
+        Rasterizer::Thread => planes * capacity.plane,
+        Rasterizer::Workgroup => 0,
+    }
+}
+
 /// Returns the threads of SSIM's vertical passes over a padded image of `plane` vectors; workgroups of a
-/// tile and a channel are no more.
+/// part of a strip are no more.
 pub(super) fn n_partials(plane: usize) -> usize {
     3 * plane / SSIM_ROWS as usize
 }

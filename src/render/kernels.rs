@@ -37,8 +37,8 @@ pub struct Kernels {
     pub(super) order_tiles: Kernel,
     /// Whole lists, and slices of them.
     pub(super) rasterize: [Kernel; 2],
-    /// In the order in which they run.
-    pub(super) ssim: Vec<Kernel>,
+    /// Without a mask and with one, in the order in which they run.
+    pub(super) ssim: [Vec<Kernel>; 2],
     pub(super) loss_blocks: Kernel,
     pub(super) loss_total: Kernel,
     /// Whole lists, and slices of them.
@@ -93,7 +93,7 @@ impl Kernels {
             &self.sum_gaussians,
         ];
         kernels.extend(&self.radix_scan);
-        kernels.extend(&self.ssim);
+        kernels.extend(&self.ssim[0]);
         kernels
     }
 
@@ -104,14 +104,20 @@ impl Kernels {
         let by_degree = |name: &'static str| by_degree(|degree| stage(name, degree).kernel(name));
         let [ssim, scan, radix] =
             [stages.ssim, stages.scan, stages.radix].map(|name| stage(name, 0));
-        let ssim_entries: &[&'static str] = match rasterizer {
-            Rasterizer::Thread => &[
-                "ssim_horizontal",
-                "ssim_vertical",
-                "ssim_horizontal_backward",
-                "ssim_vertical_backward",
-            ],
-            Rasterizer::Workgroup => &["ssim_forward", "ssim_backward"],
+        let ssim = match rasterizer {
+            Rasterizer::Thread => {
+                let entries = [
+                    "ssim_horizontal",
+                    "ssim_vertical",
+                    "ssim_horizontal_backward",
+                    "ssim_vertical_backward",
+                ];
+                let kernels: Vec<Kernel> = entries.map(|entry| ssim.kernel(entry)).into();
+                [kernels.clone(), kernels]
+            }
+            Rasterizer::Workgroup => {
+                ["ssim_march", "ssim_march_masked"].map(|entry| vec![ssim.kernel(entry)])
+            }
         };
         let (tile_ranges, sum_pairs) = (stage("tile_ranges", 0), stage("sum_pairs", 0));
         let loss = stage("loss_sum", 0);
@@ -133,10 +139,7 @@ impl Kernels {
             find_tile_ranges: tile_ranges.kernel("find_tile_ranges"),
             order_tiles: tile_ranges.kernel("order_tiles"),
             rasterize: ["rasterize", "rasterize_slice"].map(|entry| raster.kernel(entry)),
-            ssim: ssim_entries
-                .iter()
-                .map(|entry| ssim.kernel(entry))
-                .collect(),
+            ssim,
             loss_blocks: loss.kernel("loss_blocks"),
             loss_total: loss.kernel("loss_total"),
             rasterize_backward: ["rasterize_backward", "rasterize_backward_slice"]
@@ -192,7 +195,7 @@ pub(super) enum ScanGroups {
 }
 
 pub(super) struct BackwardGroups {
-    pub(super) ssim: Vec<wgpu::BindGroup>,
+    pub(super) ssim: [Vec<wgpu::BindGroup>; 2],
     pub(super) loss_sum: [wgpu::BindGroup; 2],
     pub(super) rasterize: RasterGroups,
     pub(super) sum_pairs: wgpu::BindGroup,
@@ -318,7 +321,10 @@ impl Groups {
             order_tiles: with(&[], &kernels.order_tiles),
             rasterize: raster(&kernels.rasterize),
             backward: space.trains.then(|| BackwardGroups {
-                ssim: kernels.ssim.iter().map(|k| with(&[], k)).collect(),
+                ssim: kernels
+                    .ssim
+                    .each_ref()
+                    .map(|list| list.iter().map(|k| with(&[], k)).collect()),
                 loss_sum: [&kernels.loss_blocks, &kernels.loss_total].map(|k| with(&[], k)),
                 rasterize: raster(&kernels.rasterize_backward),
                 sum_pairs: with(&[], &kernels.sum_pairs),

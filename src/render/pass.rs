@@ -7,8 +7,8 @@ use super::pose::{PoseGradient, PoseKernels};
 use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use super::workspace::Workspace;
 use crate::gpu::constants::{
-    EMIT_CHUNK, GROUP_TILE, PAIR_BLOCK, RANGE_CHUNK, SCAN_CHUNK, TOTAL_DIGITS, TOTAL_PAIRS,
-    WORKGROUP,
+    EMIT_CHUNK, LOSS_GROUP, LOSS_ROWS, LOSS_STRIP, PAIR_BLOCK, RANGE_CHUNK, SCAN_CHUNK,
+    TOTAL_DIGITS, TOTAL_PAIRS, WORKGROUP,
 };
 use crate::gpu::{Commands, Gpu, Rasterizer, shader_count};
 
@@ -240,7 +240,9 @@ impl<'a> Pass<'a> {
         loss.slot = self.slot as u32;
         let uniform = self.workspace.of_slot("loss", self.slot);
         uniform.write(self.gpu, &[loss]);
-        for ((kernel, group), threads) in kernels.ssim.iter().zip(&groups.ssim).zip(threads) {
+        let kind = usize::from(loss.masked != 0);
+        let bound = kernels.ssim[kind].iter().zip(&groups.ssim[kind]);
+        for ((kernel, group), threads) in bound.zip(threads) {
             commands.dispatch(kernel, group, threads);
         }
     }
@@ -267,9 +269,9 @@ impl<'a> Pass<'a> {
                 (vec![across, strips as u64, across, strips as u64], strips)
             }
             Rasterizer::Workgroup => {
-                let side = GROUP_TILE as usize;
-                let tiles = 3 * (4 * width_4).div_ceil(side) * rows.div_ceil(side);
-                (vec![u64::from(WORKGROUP) * tiles as u64; 2], tiles)
+                let strips = (4 * width_4).div_ceil(LOSS_STRIP as usize);
+                let groups = 3 * strips * rows.div_ceil(LOSS_ROWS as usize);
+                (vec![u64::from(LOSS_GROUP) * groups as u64], groups)
             }
         }
     }

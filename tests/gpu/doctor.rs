@@ -49,8 +49,10 @@ fn findings(ctx: &Context) -> Result<Vec<Finding>> {
     findings.extend(sorts::examine(ctx, sorts::BLOCKS)?.list);
     findings.extend(examine_exp2(ctx)?.list);
     for mask in [None, Some(MaskKind::Any)] {
-        let (size, kind) = ((33, 17), Kind::Noise);
-        findings.extend(loss::examine(ctx, &LossCase { size, kind, mask })?.list);
+        for size in [(33, 17), loss::SEAMS] {
+            let kind = Kind::Noise;
+            findings.extend(loss::examine(ctx, &LossCase { size, kind, mask })?.list);
+        }
     }
     for masked in [false, true] {
         findings.extend(marks::examine(ctx, (33, 17), masked)?.list);

@@ -45,7 +45,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-pub(crate) const PLANTS: [Plant; 90] = [
+pub(crate) const PLANTS: [Plant; 100] = [
     plant(
         "project",
         "+ DILATION;",
@@ -259,27 +259,87 @@ pub(crate) const PLANTS: [Plant; 90] = [
     ),
     plant(
         "ssim_workgroup",
-        "row_d_e[stretch] * off);",
-        "0.0);",
+        "four(window_own[at]) + d_e * (about - window_residual[at / 2u]);",
+        "four(window_own[at]);",
         stage::LOSS_WORKGROUP,
     ),
     plant(
         "ssim_workgroup",
-        "plane_index(view, 3u, x4, y)",
-        "plane_index(view, 2u, x4, y)",
+        "d_e[2] * (residual - about);",
+        "0.0;",
         stage::LOSS_WORKGROUP,
     ),
     plant(
         "ssim_workgroup",
-        "let other = sums[min(local + half",
-        "let other = sums[min(local + half - 1u",
+        "(stretch - 1u) ^ 1u",
+        "stretch ^ 1u",
         stage::LOSS_WORKGROUP,
     ),
     plant(
         "ssim_workgroup",
-        "norm = select(norm, vec4f(1.0)",
-        "norm = select(vec4f(1.0), vec4f(1.0)",
+        "d_rendered[entry(3u, x, y)]",
+        "d_rendered[entry(2u, x, y)]",
+        stage::LOSS_WORKGROUP,
+    ),
+    plant(
+        "ssim_workgroup",
+        "column_e[local + half][0];",
+        "column_e[local + half - 1u][0];",
+        stage::LOSS_WORKGROUP,
+    ),
+    plant(
+        "ssim_workgroup",
+        "vec4f(0.0), 1.0 / norm, weight >",
+        "vec4f(0.0), vec4f(1.0), weight >",
         stage::MASKED_LOSS_WORKGROUP,
+    ),
+    plant(
+        "ssim_workgroup",
+        "is_masked = true;",
+        "",
+        stage::MASKED_LOSS_WORKGROUP,
+    ),
+    plant(
+        "ssim_workgroup",
+        "ring_texel[5] = ring_texel[5u + LOSS_TURN];",
+        "ring_texel[5] = ring_texel[6u + LOSS_TURN];",
+        stage::LOSS_WORKGROUP,
+    ),
+    plant(
+        "ssim_workgroup",
+        "ring_gradient[3] = ring_gradient[3u + LOSS_TURN];",
+        "",
+        stage::LOSS_WORKGROUP,
+    ),
+    plant(
+        "ssim_workgroup",
+        "strip.y - 12 +",
+        "strip.y - 13 +",
+        stage::LOSS_WORKGROUP,
+    ),
+    plant(
+        "ssim_workgroup",
+        "column < MARGIN + LOSS_STRIP;",
+        "column <= MARGIN + LOSS_STRIP;",
+        stage::LOSS_WORKGROUP,
+    ),
+    plant(
+        "ssim_workgroup",
+        "is_own_row && is_own(4u * stretch + 2u)",
+        "is_own_row",
+        stage::LOSS_WORKGROUP,
+    ),
+    plant(
+        "ssim_workgroup",
+        "at >= strip.y && at < strip.end",
+        "at < strip.end",
+        stage::LOSS_WORKGROUP,
+    ),
+    plant(
+        "ssim_workgroup",
+        "min(y + LOSS_ROWS, rows)",
+        "min(y + LOSS_ROWS - 1u, rows)",
+        stage::LOSS_WORKGROUP,
     ),
     plant(
         "ssim",
@@ -308,8 +368,8 @@ pub(crate) const PLANTS: [Plant; 90] = [
     ),
     plant(
         "ssim_workgroup",
-        "far_gradient(raw, x - goal_y)",
-        "weight * far_gradient(raw, goal_y - x)",
+        "far_gradient(vec4u(texel), vec4f(e))",
+        "own_weight_of(texel) * far_gradient(vec4u(texel), vec4f(-e))",
         stage::LOSS_WORKGROUP,
     ),
     plant(

@@ -161,13 +161,12 @@ fn every_entry_point_has_the_hosts_workgroup_size() {
         assert!(!module.entry_points.is_empty(), "{stage}");
         for point in &module.entry_points {
             assert_eq!(point.stage, naga::ShaderStage::Compute, "{stage}");
+            let threads = match stage {
+                "ssim_workgroup" => constants::LOSS_GROUP,
+                _ => constants::WORKGROUP,
+            };
             let size = point.workgroup_size;
-            assert_eq!(
-                size,
-                [constants::WORKGROUP, 1, 1],
-                "{stage}: {}",
-                point.name
-            );
+            assert_eq!(size, [threads, 1, 1], "{stage}: {}", point.name);
         }
     }
 }
@@ -199,7 +198,7 @@ fn the_doctor_knows_what_the_kernels_need() {
     assert!(storage <= promised.max_storage_buffers_per_shader_stage);
     assert!(uniform <= promised.max_uniform_buffers_per_shader_stage);
     assert!(shared <= promised.max_compute_workgroup_storage_size);
-    assert!(constants::WORKGROUP <= promised.max_compute_invocations_per_workgroup);
+    assert!(constants::LOSS_GROUP <= promised.max_compute_invocations_per_workgroup);
     let limits = &context().gpu.limits;
     assert_eq!(
         limits.max_storage_buffers_per_shader_stage,
