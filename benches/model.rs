@@ -95,8 +95,9 @@ const BACKWARD_OPS: [f64; 2] = [54.0, 64.0];
 const SKIPPED_SHARE: f64 = 0.15;
 /// The backward's leaves are written and summed up for skipped entries, too.
 const SKIPPED_SHARE_BACKWARD: f64 = 0.5;
-/// Instructions a pixel and channel of the compiled loss, with the lanes that idle in the second turn over a tile's rows.
-const LOSS_OPS: f64 = 1400.0;
+/// Instructions a pixel and channel of the compiled loss, without a mask: those of a turn, four pixels a lane, and the pixels that
+/// strips and their parts have in common with their neighbours.
+const LOSS_OPS: f64 = 880.0;
 
 /// What a view holds.
 #[derive(Clone, Copy, Default)]
@@ -214,7 +215,8 @@ fn stages(view: &View, passes: [f64; 2], lanes: u32) -> Vec<Stage> {
             longest / 64.0 * 3.0,
         ),
         // The sums are taken every tenth iteration.
-        of("loss", 2.2, pixels * 120.0, 3.0 * pixels * LOSS_OPS, 40.0),
+        // 22 turns, each a load and four barriers.
+        of("loss", 1.2, pixels * 32.0, 3.0 * pixels * LOSS_OPS, 50.0),
         of(
             "rasterize backward",
             1.0,
