@@ -98,7 +98,7 @@ fn entry(plane: u32, x: u32, y: u32) -> u32 {
     return (plane * view.plane_vectors + y * view.row_vectors) * 4u + x;
 }
 
-// Bytes of a packed texel: the channel's value, weights in the windows and of the pixel's own, alpha.
+// The bytes of a packed texel are the channel's value, the weight in windows, that of the pixel itself, and alpha.
 fn value_of(texel: u32) -> f32 {
     return f32(texel & 255u) * (1.0 / LEVEL_MAX);
 }
@@ -225,7 +225,7 @@ fn sum_columns(local: u32) {
     }
 }
 
-// Sums up the rows of four windows, about a mean in their middle. Sets sums of SSIM if the row is own.
+// Sums up the rows of four windows, about a mean in their middle. SSIM counts where the row is the workgroup's own.
 fn sum_rows(row: u32, stretch: u32, is_own_row: bool) {
     let inner = inner(row, stretch);
     let own = row * ACROSS + stretch;
@@ -432,7 +432,7 @@ fn march(thread: Thread) {
     let x = strip.x + i32(local);
     let row = local / ACROSS;
     let stretch = local % ACROSS;
-    // The rows above the first turn's.
+    // The rows above the first turn's, two of them for nothing.
     #repeat t 3
     read_rows(strip, x, strip.y - 12 + 4 * {t});
     shift();
@@ -448,13 +448,15 @@ fn march(thread: Thread) {
             sum_rows(row, stretch, at >= strip.y && at < strip.end);
         }
         workgroupBarrier();
-        if (stretch - 2u < INNER - 2u) {
+        // The strip's own pixels lie within these.
+        if (stretch >= 2u && stretch < INNER) {
             sum_rows_back(row, stretch);
         }
         workgroupBarrier();
         add_columns_back(local);
         workgroupBarrier();
         read_rows(strip, x, y + i32(LOSS_TURN));
+        // In the first two turns nothing of its own is done.
         if (y >= strip.y + i32(MARGIN) - i32(LOSS_TURN) && is_own(local) && u32(x) < 4u * view.row_vectors) {
             finish(strip, u32(x), y - i32(MARGIN));
         }

@@ -30,6 +30,8 @@ pub enum Kind {
     Noise,
     /// Flat but for the last bits of 8: SSIM's variances nearly vanish.
     Flat,
+    /// As flat, and far off everywhere: the residual all but cancels in the gradient.
+    Off,
     /// The render is exactly the target image.
     Equal,
     /// All values are 0.
@@ -124,6 +126,10 @@ pub(super) fn images(kind: Kind, (width, height): (usize, usize)) -> (Vec<u8>, V
         Kind::Flat => (
             200.0 + random.uniform(0.0, 2.0),
             0.79 + 1e-3 * random.uniform(-1.0, 1.0),
+        ),
+        Kind::Off => (
+            100.0 + random.uniform(0.0, 2.0),
+            0.84 + 1e-3 * random.uniform(-1.0, 1.0),
         ),
         Kind::Equal => {
             let byte = (i % 256) as f64;

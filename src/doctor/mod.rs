@@ -269,6 +269,9 @@ fn loss_cases() -> Vec<LossCase> {
         (Kind::Flat, None),
         (Kind::Noise, Some(MaskKind::Half)),
         (Kind::Flat, Some(MaskKind::Any)),
+        (Kind::Off, None),
+        (Kind::Off, Some(MaskKind::Half)),
+        (Kind::Off, Some(MaskKind::Hole)),
     ] {
         let size = loss::SEAMS;
         cases.push(LossCase { size, kind, mask });
