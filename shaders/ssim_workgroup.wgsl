@@ -17,7 +17,7 @@
 @group(0) @binding(2) var<storage, read> rendered: array<f32>;
 @group(0) @binding(3) var<storage, read> goal: array<u32>;
 @group(0) @binding(6) var<storage, read_write> d_rendered: array<f32>;
-// Of each workgroup: sum of SSIM, sum of |x - y|.
+// The sums of SSIM and of |x - y| of each workgroup.
 @group(0) @binding(7) var<storage, read_write> partials: array<vec2f>;
 
 // Pixels of a window before or behind its middle one, and twice as many.
