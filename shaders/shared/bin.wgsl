@@ -1,8 +1,7 @@
-// Finds the tiles that each splat reaches, in two dispatches of the same code, so that both find the
-// same tiles to the bit. `COUNT`: one thread a splat counts its tiles. `EMIT`: one thread
-// EMIT_CHUNK pairs, which are numbered front to back, splat by splat, writes them: a splat that
-// fills the screen is shared by many threads. Tiles are LIST_W x LIST_H pixels: the stage that imports
-// this says how many, and what it does with each tile that it emits (`emitted`) and at the end (`emitted_all`).
+// Finds the tiles that each splat reaches, in dispatches of the same code, so that all find the same tiles to the bit. The
+// first (COUNT) counts the tiles of each splat; those after it write them, numbered front to back, splat by splat, and a splat
+// that fills the screen is shared by many threads. Tiles are LIST_W x LIST_H pixels: the stage that imports this says how
+// many, who writes what, and what else it does with each tile that it writes (`emitted`).
 #import shared/thread
 #import shared/view
 #import shared/splat
@@ -11,22 +10,24 @@
 
 // What a dispatch does.
 struct Bin {
-    // 0: COUNT, 1: EMIT.
+    // COUNT or, in bin and bin_workgroup, what is written.
     emits: u32,
     pad_0: u32,
     pad_1: u32,
     pad_2: u32,
 }
 
+const COUNT = 0u;
+
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> splats: array<SplatVectors>;
-// Per splat, front to back: number of tiles (COUNT), then the first pair (EMIT).
+// Per splat, front to back: number of tiles, written by COUNT; the others read its first pair.
 @group(0) @binding(2) var<storage, read_write> splat_pairs: array<u32>;
 @group(0) @binding(4) var<storage, read_write> pairs: array<vec2u>;
 @group(0) @binding(5) var<storage, read_write> pair_gaussian: array<u32>;
 @group(0) @binding(6) var<storage, read> totals: array<u32>;
 @group(0) @binding(7) var<uniform> mode: Bin;
-// Per Gaussian (EMIT).
+// Per Gaussian.
 @group(0) @binding(3) var<storage, read_write> gaussian_pairs: array<vec2u>;
 // Front to back.
 @group(0) @binding(8) var<storage, read> depth_order: array<DepthEntry>;
@@ -115,62 +116,36 @@ fn owner(pair: u32, low: u32, step: u32, n: u32) -> u32 {
     return rank;
 }
 
-@compute @workgroup_size(WORKGROUP)
-fn bin(thread: Thread) {
-    let index = thread_index(thread);
-    let n = view.n_gaussians;
-    let counting = mode.emits == 0u;
-    if (!counting && totals[TOTAL_OVERFLOW] != 0u) {
-        return;
-    }
-    if (!counting && index < n) {
-        var last = totals[TOTAL_PAIRS];
-        if (index + 1u < n) {
-            last = splat_pairs[index + 1u];
+// Goes through the tiles of a splat of which `first` is the first pair, and writes its pairs from `begin` to before `end`; where
+// it only `counts`, it writes none. Returns one past the splat's last pair or, beyond `end`, some of it.
+fn walk(id: u32, first: u32, begin: u32, end: u32, counts: bool) -> u32 {
+    let o = outline(id);
+    let last = select(end, 0xffffffffu, counts);
+    var pair = begin;
+    var before = first;
+    // bound: rows of tiles, held to MOST_TILE_ROWS by the host.
+    for (var row = o.rows.x; row < o.rows.y; row++) {
+        let span = columns(o, row);
+        let stop = min(before + span.y, select(end, 0u, counts));
+        let tile = row * view.tiles.x + span.x;
+        // bound: EMIT_CHUNK turns over all rows together.
+        for (; pair < stop; pair++) {
+            pairs[pair] = stored_tile_pair(TilePair(tile + pair - before, pair));
+            pair_gaussian[pair] = id;
+            emitted(tile + pair - before);
         }
-        gaussian_pairs[depth_order[index].gaussian] = stored_range(Range(splat_pairs[index], last));
-    }
-    // Emitting, the thread's pairs; counting, all pairs of one splat, and none is written.
-    var pair = select(index * EMIT_CHUNK, 0u, counting);
-    let end = select(min(pair + EMIT_CHUNK, totals[TOTAL_PAIRS]), 0xffffffffu, counting);
-    let n_splats = select(EMIT_CHUNK, select(0u, 1u, index < n), counting);
-    // Counting searches nothing.
-    let n_searched = select(n, 0u, counting);
-    var rank = select(0u, index, counting);
-    // The first search starts with the largest step there is.
-    var step = 1u << firstLeadingBit(max(n_searched, 1u));
-    var before = 0u;
-    // bound: EMIT_CHUNK turns, a splat that the scan names has a pair.
-    for (var k = 0u; k < n_splats && pair < end; k++) {
-        rank = owner(pair, rank, step, n_searched);
-        step = 1u;
-        let id = depth_order[rank].gaussian;
-        let o = outline(id);
-        before = 0u;
-        if (!counting) {
-            before = splat_pairs[rank];
-        }
-        // bound: rows of tiles, held to MOST_TILE_ROWS by the host.
-        for (var row = o.rows.x; row < o.rows.y; row++) {
-            let span = columns(o, row);
-            let stop = min(before + span.y, select(end, 0u, counting));
-            let first = row * view.tiles.x + span.x;
-            // bound: EMIT_CHUNK turns over all rows and splats together.
-            for (; pair < stop; pair++) {
-                pairs[pair] = stored_tile_pair(TilePair(first + pair - before, pair));
-                pair_gaussian[pair] = id;
-                emitted(first + pair - before);
-            }
-            before += span.y;
-            if (before >= end) {
-                break;
-            }
+        before += span.y;
+        if (before >= last) {
+            break;
         }
     }
-    if (counting && index < n) {
-        splat_pairs[index] = before;
+    return before;
+}
+
+// One past the last pair of the splat of this rank.
+fn end_of(rank: u32) -> u32 {
+    if (rank + 1u < view.n_gaussians) {
+        return splat_pairs[rank + 1u];
     }
-    if (!counting) {
-        emitted_all(thread);
-    }
+    return totals[TOTAL_PAIRS];
 }

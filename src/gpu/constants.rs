@@ -41,7 +41,7 @@ const _: () = assert!(
 pub const DEPTH_BITS: u32 = 32;
 /// Sorted pairs that a thread looks through for the ends of tiles.
 pub const RANGE_CHUNK: u32 = 16;
-/// Pairs that a thread emits.
+/// Most pairs that a thread emits.
 pub const EMIT_CHUNK: u32 = 16;
 const _: () = assert!(
     EMIT_CHUNK * WORKGROUP == GROUP_RADIX_CHUNK,
@@ -56,8 +56,8 @@ pub const LIST_SLICE: u32 = 32_000;
 /// silence (`LP_MAX_TGSI_LOOP_ITERATIONS`). A loop takes one more than its bound says, to find its
 /// end, and a loop within it takes the most of any thread that runs in lockstep.
 pub const LOOP_TURNS: u32 = 65_535;
-/// Rows of tiles of the tallest image: a thread that emits walks them for each of its splats, two
-/// turns a row, after a search of 32 and 32.
+/// Rows of tiles of the tallest image: a thread that emits walks them for each of its splats, up to
+/// EMIT_CHUNK, two turns a row, after a search of 32 and 32.
 pub const MOST_TILE_ROWS: u32 = 2000;
 /// Threads that a driver that counts turns may run in lockstep.
 const LOCKSTEP: u32 = 16;

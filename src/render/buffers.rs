@@ -63,8 +63,8 @@ pub(super) const BUFFERS: &[Described] = &[
     uniform::<RadixUniform>("pair_passes", n_pair_passes),
     // Begin of each slice of the lists; none while lists are whole.
     uniform::<SliceUniform>("slice", n_slices),
-    // To count, and to emit.
-    uniform::<BinUniform>("mode", |_| 2),
+    // To count, and to emit in one dispatch or two.
+    uniform::<BinUniform>("mode", |_| 3),
     storage::<u32>("totals", Part::Uniforms, |_| N_TOTALS as usize),
     // A Gaussian's numbers lie side by side: a tile's splats lie anywhere, and each then takes one
     // cache line or two.

@@ -163,7 +163,8 @@ pub(super) struct Groups {
     pub(super) depth_passes: Vec<RadixGroups>,
     pub(super) pair_passes: Vec<RadixGroups>,
     pub(super) bin_count: wgpu::BindGroup,
-    pub(super) bin_emit: wgpu::BindGroup,
+    /// Each splat's first pairs and then the rest; or all at once.
+    pub(super) bin_emit: Vec<wgpu::BindGroup>,
     pub(super) scan_pairs: ScanGroups,
     pub(super) find_tile_ranges: wgpu::BindGroup,
     pub(super) order_tiles: wgpu::BindGroup,
@@ -297,7 +298,11 @@ impl Groups {
             space.buffer("depth_order"),
             space.buffer("depth_order_swap"),
         ];
-        let [count, emit] = [0, 1].map(|mode| space.of_slot("mode", mode));
+        let bin = |mode| with(&[("mode", space.of_slot("mode", mode))], &kernels.bin);
+        let bin_emit = match kernels.rasterizer {
+            Rasterizer::Thread => vec![bin(1), bin(2)],
+            Rasterizer::Workgroup => vec![bin(1)],
+        };
         let is_workgroup = kernels.rasterizer == Rasterizer::Workgroup;
         Groups {
             project: by_degree(&kernels.project),
@@ -314,8 +319,8 @@ impl Groups {
                 // Workgroups that emit pairs count the digits of the first pass, too.
                 [is_workgroup, false],
             ),
-            bin_count: with(&[("mode", count)], &kernels.bin),
-            bin_emit: with(&[("mode", emit)], &kernels.bin),
+            bin_count: bin(0),
+            bin_emit,
             scan_pairs: scan(uniform("scan_pairs"), space.buffer("splat_pairs"), model.n),
             find_tile_ranges: with(&[], &kernels.find_tile_ranges),
             order_tiles: with(&[], &kernels.order_tiles),

@@ -136,8 +136,17 @@ impl<'a> Pass<'a> {
     /// Fills `pairs`, `pair_gaussian` and `gaussian_pairs`; workgroups leave what [`Pass::sort_by_tile`]
     /// counts first in `digit_counts`.
     pub fn emit_pairs(&self, commands: &mut Commands<'_>) {
-        let threads = self.room().div_ceil(u64::from(EMIT_CHUNK)).max(self.n());
-        commands.dispatch(&self.kernels.bin, &self.groups().bin_emit, threads);
+        let chunks = self.room().div_ceil(u64::from(EMIT_CHUNK));
+        let (kernel, n) = (&self.kernels.bin, self.n());
+        match self.groups().bin_emit.as_slice() {
+            [first, rest] => {
+                commands.dispatch(kernel, first, n);
+                commands.dispatch(kernel, rest, chunks);
+            }
+            groups => groups
+                .iter()
+                .for_each(|group| commands.dispatch(kernel, group, chunks.max(n))),
+        }
     }
 
     /// Sorts `pairs` into `tile_pairs`, once after [`Pass::emit_pairs`].

@@ -329,7 +329,7 @@ pub struct ScanUniform {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct BinUniform {
-    /// 0: count pairs, 1: emit them.
+    /// 0: count pairs, 1: emit them; with one thread a tile, 1: emit the first of each splat, 2: the rest.
     pub emits: u32,
     /// Padding to a whole vector.
     pub pad: [u32; 3],

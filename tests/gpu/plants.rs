@@ -45,7 +45,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-pub(crate) const PLANTS: [Plant; 100] = [
+pub(crate) const PLANTS: [Plant; 102] = [
     plant(
         "project",
         "+ DILATION;",
@@ -404,8 +404,20 @@ pub(crate) const PLANTS: [Plant; 100] = [
     ),
     plant(
         "bin",
-        "last = splat_pairs[index + 1u];",
-        "last = splat_pairs[index];",
+        "return splat_pairs[rank + 1u];",
+        "return splat_pairs[rank];",
+        stage::BIN,
+    ),
+    plant(
+        "bin",
+        "max(chunk, first + EMIT_CHUNK)",
+        "max(chunk, first + EMIT_CHUNK + 1u)",
+        stage::BIN,
+    ),
+    plant(
+        "bin",
+        "select(first, chunk, rest) + EMIT_CHUNK",
+        "select(first, chunk, rest) + EMIT_CHUNK - 1u",
         stage::BIN,
     ),
     plant(
