@@ -36,9 +36,8 @@ fn sum_block(thread: u32, stride: u32) {
     var a = d_pair_a[first];
     var b = d_pair_b[first];
     var c = d_pair_c[first];
-    // bound: PAIR_BLOCK turns.
-    for (var i = 1u; i < PAIR_BLOCK; i++) {
-        let pair = first + i * stride;
+    // bound: PAIR_BLOCK - 1 turns, a number that a driver must not see: it would write all of them out, and take seconds for it.
+    for (var pair = first + stride; pair < first + size; pair += stride) {
         a += d_pair_a[pair];
         b += d_pair_b[pair];
         c += d_pair_c[pair];
