@@ -28,9 +28,9 @@ fn sum_block(thread: u32, stride: u32) {
         return;
     }
     var d = d_pair_depth[first];
-    // bound: PAIR_BLOCK turns.
-    for (var i = 1u; i < PAIR_BLOCK; i++) {
-        d += d_pair_depth[first + i * stride];
+    // bound: PAIR_BLOCK - 1 turns, see sum_pairs.
+    for (var pair = first + stride; pair < first + size; pair += stride) {
+        d += d_pair_depth[pair];
     }
     d_pair_depth[first] = d;
 }

@@ -20,18 +20,13 @@
 // The sums of SSIM and of |x - y| of each workgroup.
 @group(0) @binding(7) var<storage, read_write> partials: array<vec2f>;
 
-// Pixels of a window before or behind its middle one, and twice as many.
-const REACH = 5u;
-const MARGIN = 2u * REACH;
-// Pixels of a column that the windows of a turn reach.
-const RING = LOSS_TURN + MARGIN;
+// Pixels of a window before or behind its middle one.
+const REACH = LOSS_MARGIN / 2u;
 // Stretches of four columns. Windows do not reach beyond the strip in the inner ones, all but the first and the last.
 const ACROSS = LOSS_GROUP / 4u;
 const INNER = ACROSS - 2u;
 const STRETCHES = LOSS_TURN * ACROSS;
 const INNER_STRETCHES = LOSS_TURN * INNER;
-// Entry of WINDOW_PADDED where the window begins.
-const PAD = SSIM_ROWS - 1u;
 
 // What a turn's parts hand on; an entry is a stretch of a row. Columns of windows have weights, means of e and y, sum of the
 // variances of x and y, variance of e. Later the last three hold what a row's pixels take from windows.
@@ -49,9 +44,9 @@ var<workgroup> window_residual: array<f32, INNER_STRETCHES / 2u>;
 
 // The last pixels of the thread's column, the newest last: residuals, texels as `read_rows` packs them, and SSIM's gradients, as
 // far as their windows have been summed up.
-var<private> ring_e: array<f32, RING>;
-var<private> ring_texel: array<u32, RING>;
-var<private> ring_gradient: array<f32, RING>;
+var<private> ring_e: array<f32, LOSS_RING>;
+var<private> ring_texel: array<u32, LOSS_RING>;
+var<private> ring_gradient: array<f32, LOSS_RING>;
 // The pixels of the next turn, on their way.
 var<private> next_x: array<f32, LOSS_TURN>;
 var<private> next_texel: array<u32, LOSS_TURN>;
@@ -60,7 +55,7 @@ var<private> sum_l1: f32;
 // Whether pixels have weights: a constant of the entry point, because a sixth of the work is theirs.
 var<private> is_masked: bool;
 
-// A workgroup's part of a strip: LOSS_GROUP columns from `x` on, of which the first and the last MARGIN are others', and rows
+// A workgroup's part of a strip: LOSS_GROUP columns from `x` on, of which the first and the last LOSS_MARGIN are others', and rows
 // from `y` up to `end`, all in the padded image.
 struct Strip {
     x: i32,
@@ -75,13 +70,13 @@ fn strip_of(group: u32) -> Strip {
     // Channels lie side by side: they share the target image.
     let at = group / 3u;
     let y = min((at / across) * LOSS_ROWS, rows);
-    let x = i32((at % across) * LOSS_STRIP) - i32(MARGIN);
+    let x = i32((at % across) * LOSS_STRIP) - i32(LOSS_MARGIN);
     return Strip(x, i32(y), i32(min(y + LOSS_ROWS, rows)), group % 3u);
 }
 
 // Whether a column is the strip's own.
 fn is_own(column: u32) -> bool {
-    return column >= MARGIN && column < MARGIN + LOSS_STRIP;
+    return column >= LOSS_MARGIN && column < LOSS_MARGIN + LOSS_STRIP;
 }
 
 fn is_inner(stretch: u32) -> bool {
@@ -150,10 +145,10 @@ fn shift() {
     ring_gradient[{i}] = ring_gradient[{i}u + LOSS_TURN];
     #end
     #repeat k LOSS_TURN
-    ring_texel[{k}u + MARGIN] = next_texel[{k}];
-    ring_gradient[{k}u + MARGIN] = 0.0;
+    ring_texel[{k}u + LOSS_MARGIN] = next_texel[{k}];
+    ring_gradient[{k}u + LOSS_MARGIN] = 0.0;
     // What does not count has no residual.
-    ring_e[{k}u + MARGIN] = select(0.0, next_x[{k}] - value_of(next_texel[{k}]), own_weight_of(next_texel[{k}]) > 0.0);
+    ring_e[{k}u + LOSS_MARGIN] = select(0.0, next_x[{k}] - value_of(next_texel[{k}]), own_weight_of(next_texel[{k}]) > 0.0);
     #end
 }
 
@@ -191,8 +186,8 @@ fn sum_columns(local: u32) {
         let x = e + y;
         // The weights of row {i} in the four windows.
         let w = weight_of(ring_texel[{i}]) * vec4f(
-            WINDOW_PADDED[PAD + {i}u], WINDOW_PADDED[PAD + {i}u - 1u],
-            WINDOW_PADDED[PAD + {i}u - 2u], WINDOW_PADDED[PAD + {i}u - 3u],
+            WINDOW_PADDED[WINDOW_PAD + {i}u], WINDOW_PADDED[WINDOW_PAD + {i}u - 1u],
+            WINDOW_PADDED[WINDOW_PAD + {i}u - 2u], WINDOW_PADDED[WINDOW_PAD + {i}u - 3u],
         );
         norm += w;
         sum_e += w * e;
@@ -259,8 +254,8 @@ fn sum_rows(row: u32, stretch: u32, is_own_row: bool) {
         if ({b}u * 4u + {i}u >= 3u && {b}u * 4u + {i}u <= 16u) {
             // The weights of column 4 {b} + {i} in the middle four windows.
             let w = n[{i}] * vec4f(
-                WINDOW_PADDED[PAD + {b}u * 4u + {i}u - 3u], WINDOW_PADDED[PAD + {b}u * 4u + {i}u - 4u],
-                WINDOW_PADDED[PAD + {b}u * 4u + {i}u - 5u], WINDOW_PADDED[PAD + {b}u * 4u + {i}u - 6u],
+                WINDOW_PADDED[WINDOW_PAD + {b}u * 4u + {i}u - 3u], WINDOW_PADDED[WINDOW_PAD + {b}u * 4u + {i}u - 4u],
+                WINDOW_PADDED[WINDOW_PAD + {b}u * 4u + {i}u - 5u], WINDOW_PADDED[WINDOW_PAD + {b}u * 4u + {i}u - 6u],
             );
             norm += w;
             sum_e += w * e[{i}];
@@ -309,8 +304,8 @@ fn sum_rows_back(row: u32, stretch: u32) {
         #repeat i 4
         if ({b}u * 4u + {i}u >= 3u && {b}u * 4u + {i}u <= 16u) {
             let w = vec4f(
-                WINDOW_PADDED[PAD + {b}u * 4u + {i}u - 3u], WINDOW_PADDED[PAD + {b}u * 4u + {i}u - 4u],
-                WINDOW_PADDED[PAD + {b}u * 4u + {i}u - 5u], WINDOW_PADDED[PAD + {b}u * 4u + {i}u - 6u],
+                WINDOW_PADDED[WINDOW_PAD + {b}u * 4u + {i}u - 3u], WINDOW_PADDED[WINDOW_PAD + {b}u * 4u + {i}u - 4u],
+                WINDOW_PADDED[WINDOW_PAD + {b}u * 4u + {i}u - 5u], WINDOW_PADDED[WINDOW_PAD + {b}u * 4u + {i}u - 6u],
             );
             sum_own += w * own[{i}];
             sum_d_e += w * d_e[{i}];
@@ -351,8 +346,8 @@ fn add_columns_back(local: u32) {
         // The value times 2^24 and 255: a driver that found it in `sum_columns` would keep it for all rows in registers.
         let y = f32(ring_texel[{i}] << 24u);
         let w = vec4f(
-            WINDOW_PADDED[PAD + {i}u], WINDOW_PADDED[PAD + {i}u - 1u],
-            WINDOW_PADDED[PAD + {i}u - 2u], WINDOW_PADDED[PAD + {i}u - 3u],
+            WINDOW_PADDED[WINDOW_PAD + {i}u], WINDOW_PADDED[WINDOW_PAD + {i}u - 1u],
+            WINDOW_PADDED[WINDOW_PAD + {i}u - 2u], WINDOW_PADDED[WINDOW_PAD + {i}u - 3u],
         );
         let taken = own + e * d_e + y * d_y;
         #repeat k LOSS_TURN
@@ -438,8 +433,8 @@ fn march(thread: Thread) {
     shift();
     #end
     read_rows(strip, x, strip.y);
-    // bound: (LOSS_ROWS + MARGIN) / LOSS_TURN + 1 turns.
-    for (var y = strip.y; y < strip.end + i32(MARGIN); y += i32(LOSS_TURN)) {
+    // bound: (LOSS_ROWS + LOSS_MARGIN) / LOSS_TURN + 1 turns.
+    for (var y = strip.y; y < strip.end + i32(LOSS_MARGIN); y += i32(LOSS_TURN)) {
         shift();
         sum_columns(local);
         workgroupBarrier();
@@ -457,8 +452,8 @@ fn march(thread: Thread) {
         workgroupBarrier();
         read_rows(strip, x, y + i32(LOSS_TURN));
         // In the first two turns nothing of its own is done.
-        if (y >= strip.y + i32(MARGIN) - i32(LOSS_TURN) && is_own(local) && u32(x) < 4u * view.row_vectors) {
-            finish(strip, u32(x), y - i32(MARGIN));
+        if (y >= strip.y + i32(LOSS_MARGIN) - i32(LOSS_TURN) && is_own(local) && u32(x) < 4u * view.row_vectors) {
+            finish(strip, u32(x), y - i32(LOSS_MARGIN));
         }
     }
     if (strip.y < strip.end) {

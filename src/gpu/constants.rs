@@ -66,8 +66,23 @@ const _: () = assert!(
     "emission ends"
 );
 const _: () = assert!(2 * LIST_SLICE + 2 < LOOP_TURNS, "a slice's two loops end");
-/// Rows that a thread of SSIM's vertical passes covers.
-pub const SSIM_ROWS: u32 = 8;
+/// Vectors of four pixels that a thread of SSIM's horizontal passes goes along.
+pub const SSIM_ACROSS: u32 = 16;
+/// Rows that a thread of SSIM's vertical passes goes down.
+pub const SSIM_ROWS: u32 = 32;
+/// Rows that it goes down at a time. More of them take longer to compile, fewer as long to run.
+pub const SSIM_TURN: u32 = 2;
+/// Rows that the windows of such a turn reach.
+const SSIM_RING: u32 = SSIM_TURN + LOSS_MARGIN;
+const _: () = assert!(
+    SSIM_ROWS.is_multiple_of(SSIM_TURN)
+        && TILE_H.is_multiple_of(SSIM_TURN)
+        && SSIM_RING.is_multiple_of(SSIM_TURN),
+    "turns end with the rows, and with those of the padded image, and read whole turns"
+);
+/// Zeros before and behind the window in its padded form: as many as stretches of four pixels
+/// reach beyond it.
+const WINDOW_PAD: u32 = 2 * LOSS_TURN - 1;
 /// Threads a workgroup of the image losses on GPUs: columns of the strip that it marches down.
 pub const LOSS_GROUP: u32 = 128;
 /// Columns of a strip that are its own: those of its windows' windows.
@@ -76,8 +91,10 @@ pub const LOSS_STRIP: u32 = LOSS_GROUP - 2 * (SSIM_WINDOW as u32 - 1);
 pub const LOSS_ROWS: u32 = 78;
 /// Rows that it goes down at a time, one a lane of a vector.
 pub const LOSS_TURN: u32 = 4;
-/// Rows above them that their windows reach.
+/// Rows that the windows of one row reach above and below it.
 const LOSS_MARGIN: u32 = SSIM_WINDOW as u32 - 1;
+/// Rows that the windows of a turn reach.
+const LOSS_RING: u32 = LOSS_TURN + LOSS_MARGIN;
 const _: () = assert!(
     (LOSS_ROWS + LOSS_MARGIN).is_multiple_of(LOSS_TURN),
     "turns end with the rows"
@@ -156,11 +173,17 @@ pub fn prelude(sh_degree: u32, exp2_of_adapter: bool) -> String {
         ("EMIT_CHUNK", EMIT_CHUNK),
         ("PAIR_BLOCK", PAIR_BLOCK),
         ("LIST_SLICE", LIST_SLICE),
+        ("SSIM_ACROSS", SSIM_ACROSS),
         ("SSIM_ROWS", SSIM_ROWS),
         ("LOSS_GROUP", LOSS_GROUP),
         ("LOSS_STRIP", LOSS_STRIP),
         ("LOSS_ROWS", LOSS_ROWS),
         ("LOSS_TURN", LOSS_TURN),
+        ("WINDOW_PAD", WINDOW_PAD),
+        ("LOSS_MARGIN", LOSS_MARGIN),
+        ("LOSS_RING", LOSS_RING),
+        ("SSIM_TURN", SSIM_TURN),
+        ("SSIM_RING", SSIM_RING),
         ("FAR_ALPHA", FAR_ALPHA),
         ("TOTAL_PAIRS", TOTAL_PAIRS),
         ("TOTAL_OVERFLOW", TOTAL_OVERFLOW),
@@ -206,8 +229,8 @@ pub fn prelude(sh_degree: u32, exp2_of_adapter: bool) -> String {
         "const WINDOW = array<f32, {SSIM_WINDOW}>({});",
         list(&window)
     );
-    let mut padded = vec![0.0; SSIM_WINDOW + 2 * (SSIM_ROWS as usize - 1)];
-    padded[SSIM_ROWS as usize - 1..][..SSIM_WINDOW].copy_from_slice(&window);
+    let mut padded = vec![0.0; SSIM_WINDOW + 2 * WINDOW_PAD as usize];
+    padded[WINDOW_PAD as usize..][..SSIM_WINDOW].copy_from_slice(&window);
     let _ = writeln!(
         out,
         "const WINDOW_PADDED = array<f32, {}>({});",
@@ -224,12 +247,12 @@ pub fn prelude(sh_degree: u32, exp2_of_adapter: bool) -> String {
 pub fn repeat_count(count: &str) -> u32 {
     match count {
         "TILE_H" => TILE_H,
-        "SSIM_ROWS" => SSIM_ROWS,
         "SSIM_WINDOW" => SSIM_WINDOW as u32,
         "LOSS_TURN" => LOSS_TURN,
         "LOSS_MARGIN" => LOSS_MARGIN,
-        "LOSS_RING" => LOSS_MARGIN + LOSS_TURN,
-        "SSIM_STRIP" => SSIM_WINDOW as u32 - 1 + SSIM_ROWS,
+        "LOSS_RING" => LOSS_RING,
+        "SSIM_TURN" => SSIM_TURN,
+        "SSIM_RING" => SSIM_RING,
         number => number
             .parse()
             .unwrap_or_else(|_| panic!("#repeat: no count named {number}")),

@@ -5,7 +5,7 @@ use super::capacity::Capacity;
 use super::uniforms::{
     BinUniform, LossUniform, RadixUniform, ScanUniform, SliceUniform, Splat, ViewUniform,
 };
-use crate::gpu::constants::{DEPTH_BITS, N_TOTALS, SCAN_CHUNK, SSIM_ROWS, WORKGROUP};
+use crate::gpu::constants::{DEPTH_BITS, N_TOTALS, SCAN_CHUNK, TILE_H, WORKGROUP};
 use crate::gpu::{BufferKind, Rasterizer, UNIFORM_ALIGNMENT};
 
 /// The purpose under which a buffer's bytes are counted.
@@ -105,8 +105,8 @@ pub(super) const BUFFERS: &[Described] = &[
     },
     training::<F4>("moments", Part::Loss, |c| planes_of_threads(c, 13)),
     training::<F4>("derivatives", Part::Loss, |c| planes_of_threads(c, 9)),
-    training::<F2>("partials", Part::Loss, |c| n_partials(c.plane)),
-    training::<F2>("block_partials", Part::Loss, |c| n_partials(c.plane)),
+    training::<F2>("partials", Part::Loss, |c| most_partials(c.plane)),
+    training::<F2>("block_partials", Part::Loss, |c| most_partials(c.plane)),
     // Per view of the step: mean L1, mean SSIM.
     training::<F2>("losses", Part::Loss, |_| N_SLOTS),
     training::<F4>("d_pair_a", Part::PairGradients, |c| c.pairs),
@@ -334,8 +334,8 @@ fn planes_of_threads(capacity: &Capacity, planes: usize) -> usize {
     }
 }
 
-/// Returns the threads of SSIM's vertical passes over a padded image of `plane` vectors; workgroups of a
-/// part of a strip are no more.
-pub(super) fn n_partials(plane: usize) -> usize {
-    3 * plane / SSIM_ROWS as usize
+/// Returns the most sums that the losses of a padded image of `plane` vectors, of whole tiles, leave: one a vector and SSIM_ROWS
+/// rows or part of them, with workgroups fewer.
+fn most_partials(plane: usize) -> usize {
+    3 * plane / TILE_H as usize
 }

@@ -1,6 +1,6 @@
 //! The dispatches of one view: forward, loss, backward.
 
-use super::buffers::{LAST_BLENDED, n_depth_passes, n_partials};
+use super::buffers::{LAST_BLENDED, n_depth_passes};
 use super::kernels::{Bound, DigitScan, Groups, Kernels, RadixGroups, RasterGroups, ScanGroups};
 use super::model::Model;
 use super::pose::{PoseGradient, PoseKernels};
@@ -8,7 +8,7 @@ use super::uniforms::{LossUniform, RadixUniform, ScanUniform, ViewUniform};
 use super::workspace::Workspace;
 use crate::gpu::constants::{
     EMIT_CHUNK, LOSS_GROUP, LOSS_ROWS, LOSS_STRIP, PAIR_BLOCK, RANGE_CHUNK, SCAN_CHUNK,
-    TOTAL_DIGITS, TOTAL_PAIRS, WORKGROUP,
+    SSIM_ACROSS, SSIM_ROWS, TOTAL_DIGITS, TOTAL_PAIRS, WORKGROUP,
 };
 use crate::gpu::{Commands, Gpu, Rasterizer, shader_count};
 
@@ -273,9 +273,9 @@ impl<'a> Pass<'a> {
         let (width_4, rows) = self.view.padded_size();
         match self.kernels.rasterizer {
             Rasterizer::Thread => {
-                let across = u64::from(self.view.size[1]) * (width_4 as u64).div_ceil(4);
-                let strips = n_partials(self.view.plane_len());
-                (vec![across, strips as u64, across, strips as u64], strips)
+                let across = 3 * rows * width_4.div_ceil(SSIM_ACROSS as usize);
+                let down = 3 * width_4 * rows.div_ceil(SSIM_ROWS as usize);
+                ([across, down, across, down].map(|n| n as u64).into(), down)
             }
             Rasterizer::Workgroup => {
                 let strips = (4 * width_4).div_ceil(LOSS_STRIP as usize);

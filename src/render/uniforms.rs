@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::camera::Camera;
-use crate::gpu::constants::{RATIO_MARGIN, SSIM_ROWS, TILE_H};
+use crate::gpu::constants::{RATIO_MARGIN, TILE_H};
 
 /// Smallest near plane: depths reach 2^127 times as far, which from 0 is nowhere.
 const MIN_NEAR: f64 = 1e-18;
@@ -230,15 +230,9 @@ pub(crate) fn parts<const N: usize>(values: [f64; N]) -> ([f32; N], [f32; N]) {
     (high, low)
 }
 
-/// Returns the vectors of four pixels a row and the rows of the padded image: whole tiles of a thread and whole
-/// SSIM strips.
+/// Returns the vectors of four pixels a row and the rows of the padded image: whole tiles of a thread.
 fn padded(width: u32, height: u32) -> (u32, u32) {
-    let rows = if TILE_H.is_multiple_of(SSIM_ROWS) {
-        TILE_H
-    } else {
-        TILE_H * SSIM_ROWS
-    };
-    let padded_height = height.checked_next_multiple_of(rows);
+    let padded_height = height.checked_next_multiple_of(TILE_H);
     (width.div_ceil(4), padded_height.unwrap_or(u32::MAX))
 }
 

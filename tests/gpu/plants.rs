@@ -45,7 +45,7 @@ const fn plant(
 }
 
 /// Slips of the kind that happens: a constant, a sign, an index.
-pub(crate) const PLANTS: [Plant; 102] = [
+pub(crate) const PLANTS: [Plant; 107] = [
     plant(
         "project",
         "+ DILATION;",
@@ -319,8 +319,8 @@ pub(crate) const PLANTS: [Plant; 102] = [
     ),
     plant(
         "ssim_workgroup",
-        "column < MARGIN + LOSS_STRIP;",
-        "column <= MARGIN + LOSS_STRIP;",
+        "column < LOSS_MARGIN + LOSS_STRIP;",
+        "column <= LOSS_MARGIN + LOSS_STRIP;",
         stage::LOSS_WORKGROUP,
     ),
     plant(
@@ -355,15 +355,45 @@ pub(crate) const PLANTS: [Plant; 102] = [
     ),
     plant(
         "ssim",
-        "plane_index(view, 3u, at.x4, at.y + 7u)",
-        "plane_index(view, 2u, at.x4, at.y + 7u)",
+        "d_rendered[plane_index(view, 3u, at.x4, y)]",
+        "d_rendered[plane_index(view, 2u, at.x4, y)]",
         stage::LOSS,
     ),
-    plant("ssim", "+ row_e * (residual - of_row);", ";", stage::LOSS),
     plant(
         "ssim",
-        "about.x + mean_e,",
-        "1.0001 * about.x + mean_e,",
+        "rows[2].d_e * (residual - rows[2].residual)",
+        "rows[2].d_e * (residual - rows[3].residual)",
+        stage::LOSS,
+    ),
+    plant(
+        "ssim",
+        "row[2].residual - row[4].residual",
+        "row[2].residual - row[3].residual",
+        stage::LOSS,
+    ),
+    plant(
+        "ssim",
+        "= about.x + mean_e;",
+        "= 1.0001 * about.x + mean_e;",
+        stage::LOSS,
+    ),
+    plant("ssim", "i32(at.x4) - 2;", "i32(at.x4) - 1;", stage::LOSS),
+    plant(
+        "ssim",
+        "i32(at.y) - REACH;",
+        "i32(at.y) - REACH + 1;",
+        stage::LOSS,
+    ),
+    plant(
+        "ssim",
+        "min(x4 + SSIM_ACROSS, view.row_vectors)",
+        "min(x4 + SSIM_ACROSS - 1u, view.row_vectors)",
+        stage::LOSS,
+    ),
+    plant(
+        "ssim",
+        "min(y + SSIM_ROWS, padded_rows())",
+        "min(y + SSIM_ROWS - SSIM_TURN, padded_rows())",
         stage::LOSS,
     ),
     plant(
@@ -386,8 +416,8 @@ pub(crate) const PLANTS: [Plant; 102] = [
     ),
     plant(
         "ssim",
-        "rendered[plane_index(view, 3u, at.x4, at.y + 7u)]",
-        "rendered[plane_index(view, 3u, at.x4, at.y + 6u)]",
+        "at.x4, rendered[plane_index(view, 3u, at.x4, y)]",
+        "at.x4, rendered[plane_index(view, 3u, at.x4, max(y, 1u) - 1u)]",
         stage::LOSS,
     ),
     plant(
@@ -412,18 +442,18 @@ pub(crate) const PLANTS: [Plant; 102] = [
         "bin",
         "max(chunk, first + EMIT_CHUNK)",
         "max(chunk, first + EMIT_CHUNK + 1u)",
-        stage::BIN,
+        stage::RADIX_SORT,
     ),
     plant(
         "bin",
         "select(first, chunk, rest) + EMIT_CHUNK",
         "select(first, chunk, rest) + EMIT_CHUNK - 1u",
-        stage::BIN,
+        stage::RADIX_SORT,
     ),
     plant(
         "sum_pairs",
-        "i < PAIR_BLOCK; i++",
-        "i < PAIR_BLOCK - 1u; i++",
+        "pair < first + size;",
+        "pair < first + size - stride;",
         stage::SUM_PAIRS,
     ),
     plant(
@@ -548,8 +578,8 @@ pub(crate) const PLANTS: [Plant; 102] = [
     ),
     plant(
         "project_depth_backward",
-        "i < PAIR_BLOCK; i++",
-        "i < PAIR_BLOCK - 1u; i++",
+        "pair < first + size;",
+        "pair < first + size - stride;",
         stage::PROJECT_DEPTH_BACKWARD,
     ),
     plant(
