@@ -57,7 +57,7 @@ pub const LIST_SLICE: u32 = 32_000;
 /// end, and a loop within it takes the most of any thread that runs in lockstep.
 pub const LOOP_TURNS: u32 = 65_535;
 /// Rows of tiles of the tallest image: a thread that emits walks them for each of its splats, up to
-/// EMIT_CHUNK, two turns a row, after a search of 32 and 32.
+/// `EMIT_CHUNK`, two turns a row, after a search of 32 and 32.
 pub const MOST_TILE_ROWS: u32 = 2000;
 /// Threads that a driver that counts turns may run in lockstep.
 const LOCKSTEP: u32 = 16;

@@ -334,7 +334,7 @@ fn planes_of_threads(capacity: &Capacity, planes: usize) -> usize {
     }
 }
 
-/// Returns the most sums that the losses of a padded image of `plane` vectors, of whole tiles, leave: one a vector and SSIM_ROWS
+/// Returns the most sums that the losses of a padded image of `plane` vectors, of whole tiles, leave: one a vector and `SSIM_ROWS`
 /// rows or part of them, with workgroups fewer.
 fn most_partials(plane: usize) -> usize {
     3 * plane / TILE_H as usize
