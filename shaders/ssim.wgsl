@@ -41,7 +41,7 @@ fn convolve(s: Strip) -> vec4f {
         + WINDOW[2] * (tap_2(s) + tap_8(s)) + WINDOW[1] * (tap_1(s) + tap_9(s)) + WINDOW[0] * (tap_0(s) + tap_10(s));
 }
 
-// Where a thread of a channel begins.
+// A thread begins at this vector of this row and channel, if it has one at all.
 struct Place {
     x4: u32,
     y: u32,

@@ -21,6 +21,8 @@
 @group(0) @binding(6) var<storage, read> gaussian_pairs: array<vec2u>;
 // Splats, and then their gradients.
 @group(0) @binding(7) var<storage, read_write> splats: array<SplatVectors>;
+// Front to back.
+@group(0) @binding(8) var<storage, read> depth_order: array<DepthEntry>;
 
 // Sums the thread's block of PAIR_BLOCK entries, each the first of `stride` pairs.
 fn sum_block(thread: u32, stride: u32) {
@@ -56,13 +58,15 @@ fn sum_pairs(thread: Thread) {
     }
 }
 
-// One thread a Gaussian: the sum of all its pairs, in their fixed order.
+// One thread a Gaussian: the sum of all its pairs, in their fixed order. Neighbours by depth have pairs side by side, and
+// about as many.
 @compute @workgroup_size(WORKGROUP)
 fn sum_gaussians(thread: Thread) {
-    let id = thread_index(thread);
-    if (id >= view.n_gaussians) {
+    let rank = thread_index(thread);
+    if (rank >= view.n_gaussians) {
         return;
     }
+    let id = depth_order[rank].gaussian;
     let range = range_of(gaussian_pairs[id]);
     // The ranges are another view's if the pairs did not fit.
     if (range.first == range.end || totals[TOTAL_OVERFLOW] != 0u) {
