@@ -381,7 +381,7 @@ fn ssim_vertical_backward(thread: Thread) {
             rows[{i} + LOSS_MARGIN] = row_derivatives_at(at.channel, at.x4, next + {i});
             #end
         }
-        // As the vertical pass there has its means.
+        // That of the second row of the turn, if it has a pixel that counts, else of the first.
         let first_residual = select(0.0, rows[REACH].residual, rows[REACH].counts);
         let residual = select(first_residual, rows[REACH + 1].residual, rows[REACH + 1].counts);
         var own: Rows;
